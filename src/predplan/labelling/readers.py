@@ -1,8 +1,8 @@
-"""Labelled text, dictionaries and tokenised text from the formats of the field, with every fault named by file and line."""
+"""Labelled text, dictionaries and tokenised text from the formats of the field; faults are named by file and line."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Literal, get_args
@@ -28,7 +28,7 @@ class RawText:
 
 
 def read_labelled(path: Path | str) -> LabelledCorpus:
-    """CoNLL-U (FORM, UPOS), or two columns token<TAB>tag; blank lines part sentences; the tag `_` means unlabelled (None).
+    """CoNLL-U (FORM, UPOS), or two columns token<TAB>tag; blank lines part sentences; the tag `_` becomes None.
 
     In CoNLL-U, comments, multiword-token lines (`1-2`) and empty nodes (`8.1`) are passed over.
     Raises InputError with file and line for an empty file, a wrong number of columns, a label without word,

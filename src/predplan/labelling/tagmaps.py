@@ -31,7 +31,7 @@ def read_tagmap(*paths: Path | str) -> TagMap:
 
 
 def own_tagmap(*names: str) -> TagMap:
-    """Maps that come with the package, by name: en-brown, en-ptb, en-tweet, mlg, mlg-dev-extra, tr-treebanks, ud, ..."""
+    """The package's own maps by name, joined: en-brown, en-ptb, en-tweet, mlg, mlg-dev-extra, tr-treebanks, ud, ..."""
     folder = Path(str(files("predplan.labelling") / "maps"))
     known = sorted(path.stem for path in folder.glob("*.map"))
     for name in names:
@@ -47,9 +47,7 @@ def map_tags(corpus: LabelledCorpus, tagmap: TagMap, name: str) -> LabelledCorpu
     return LabelledCorpus(corpus.words, mapped)
 
 
-def map_dictionary(
-    dictionary: Mapping[str, frozenset[str]], tagmap: TagMap, name: str
-) -> Mapping[str, frozenset[str]]:
+def map_dictionary(dictionary: Mapping[str, frozenset[str]], tagmap: TagMap, name: str) -> Mapping[str, frozenset[str]]:
     """The tag dictionary with each tag mapped; raises as `map_tags` does."""
     _check_mapped(Counter(tag for tags in dictionary.values() for tag in tags), tagmap, name)
     return {word: frozenset(tagmap[tag] for tag in tags) for word, tags in dictionary.items()}
