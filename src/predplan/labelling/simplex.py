@@ -1,0 +1,340 @@
+"""Least squares on the simplex, one word at a time (Eqs. 3.14, 3.23 with gamma >= 0, and 3.27).
+
+Every word w has the same small quadratic program
+
+    min_gamma  gamma' H gamma - 2 b_w' gamma    subject to  1' gamma = 1,  gamma >= 0
+
+with one Hessian H [K, K] for all words. Two solvers: an exact active set compiled for small K, and PIQP.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, ParamSpec, TypeVar, cast
+
+import numba
+import numpy as np
+import piqp
+from numpy.typing import NDArray
+
+from predplan.errors import InputError, PredplanError
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Booleans = NDArray[np.bool_]
+Solver = Literal["active_set", "piqp"]
+
+EPSILON = float(np.finfo(np.float64).eps)
+ACTIVE_SET_RESIDUAL = 1e-10
+PIQP_RESIDUAL = 1e-9
+STOP_GAP = 1e-13
+PIQP_TOLERANCE = 1e-11
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def compiled(function: Callable[P, T]) -> Callable[P, T]:
+    """Compile with Numba, cached on disk, releasing the interpreter lock."""
+    njit = cast(Callable[..., Any], numba.njit)
+    return cast(Callable[P, T], njit(cache=True, nogil=True)(function))
+
+
+@dataclass(frozen=True)
+class SimplexSolution:
+    """gamma [V, K]: label posteriors, rows on the simplex; residual [V]: see kkt_residuals, no unit."""
+
+    gamma: Floats
+    residual: Floats
+
+
+def simplex_posteriors(
+    RRt: Floats,
+    QR: Floats,
+    labelled: Floats | None,
+    seen: Booleans,
+    lam: float,
+    solver: Solver = "active_set",
+) -> SimplexSolution:
+    """Label posteriors of every word by Eq. 3.27 with gamma >= 0.
+
+    min (1 - lam) ||q_w - gamma' R||^2 + lam ||gamma - gamma'_w||^2 for words seen labelled, and lam = 0 for
+    all others, for which the printed equation has no gamma'_w. At lam = 1 a seen word keeps gamma'_w exactly.
+
+    RRt [K, K] is R R'; QR [V, K] is Q R'; labelled [V, K] holds gamma'_w (rows of unseen words are ignored);
+    seen [V] marks the words seen labelled; lam in [0, 1].
+    Raises InputError on non-finite values, wrong shapes, lam outside [0, 1] or a seen row off the simplex.
+    """
+    _check_program(RRt, QR)
+    if not 0.0 <= lam <= 1.0:
+        raise InputError(f"lam: found {lam}, expected a number in [0, 1]")
+    if seen.shape != (len(QR),):
+        raise InputError(f"seen: found shape {seen.shape}, expected ({len(QR)},)")
+    if solver not in ("active_set", "piqp"):
+        raise InputError(f"solver: found {solver!r}, expected 'active_set' or 'piqp'")
+    solve = solve_active_set if solver == "active_set" else solve_piqp
+    seen = seen.astype(np.bool_)
+    if lam == 0.0 or not seen.any():
+        return solve(RRt, QR)
+    target = _labelled_rows(labelled, seen, QR.shape)
+    gamma, residual = np.empty(QR.shape), np.zeros(len(QR))
+    unlabelled = solve(RRt, QR[~seen])
+    gamma[~seen], residual[~seen] = unlabelled.gamma, unlabelled.residual
+    if lam == 1.0:
+        gamma[seen] = target
+    else:
+        hessian = (1.0 - lam) * RRt + lam * np.eye(len(RRt))
+        regularised = solve(hessian, (1.0 - lam) * QR[seen] + lam * target)
+        gamma[seen], residual[seen] = regularised.gamma, regularised.residual
+    return SimplexSolution(gamma, residual)
+
+
+def kkt_residuals(H: Floats, B: Floats, gamma: Floats) -> Floats:
+    """How far each row is from optimal. H [K, K], B [V, K], gamma [V, K] -> [V], no unit.
+
+    With g = H gamma - b (half the gradient), the multiplier of the sum is min g and those of gamma >= 0 are
+    s = g - min g, so stationarity and s >= 0 hold by construction. What is left is complementarity,
+    s' gamma, which also bounds half the distance of the objective from its minimum; it is divided by
+    max_h H_hh + max_h |b_h|. The residual is the largest of that, |1' gamma - 1| and max_h -gamma_h.
+    """
+    gradient = gamma @ H - B
+    multipliers = gradient - gradient.min(axis=1, keepdims=True)
+    scale = np.diag(H).max() + np.abs(B).max(axis=1)
+    complementarity = np.abs(multipliers * gamma).sum(axis=1) / np.where(scale > 0.0, scale, 1.0)
+    infeasibility = np.maximum(np.abs(gamma.sum(axis=1) - 1.0), (-gamma).max(axis=1))
+    return cast(Floats, np.maximum(complementarity, infeasibility))
+
+
+def solve_active_set(H: Floats, B: Floats) -> SimplexSolution:
+    """Exact solution of every row's program. H [K, K] symmetric positive semidefinite, B [V, K].
+
+    Starts from the positive part of the minimiser without gamma >= 0, which one pseudo-inverse gives for all
+    rows. A singular H is safe: the Cholesky factors carry a ridge of 16 K eps max_h H_hh, and as each solve
+    gives a step from the present point, not the point, repeating it removes the ridge's effect.
+    Rows that the bounded number of steps leaves above a residual of 1e-10 are given to PIQP.
+    Raises InputError on bad input, PredplanError where a residual stays above 1e-10.
+    """
+    _check_program(H, B)
+    H, B = np.ascontiguousarray(H, np.float64), np.ascontiguousarray(B, np.float64)
+    gamma = np.empty(B.shape)
+    offset, inverse = _sign_free_minimiser(H)
+    _solve_rows(H, B, offset, inverse, gamma)
+    residual = kkt_residuals(H, B, gamma)
+    hard = np.flatnonzero(~(residual <= ACTIVE_SET_RESIDUAL))
+    if len(hard):
+        again = solve_piqp(H, B[hard])
+        gamma[hard], residual[hard] = again.gamma, again.residual
+    _check_residuals(residual, ACTIVE_SET_RESIDUAL, "active set")
+    return SimplexSolution(gamma, residual)
+
+
+def solve_piqp(H: Floats, B: Floats) -> SimplexSolution:
+    """Every row's program by PIQP: one set-up, then a new linear term a row. H [K, K], B [V, K].
+
+    Raises InputError on bad input, PredplanError where PIQP's status is not solved or a residual exceeds 1e-9.
+    """
+    _check_program(H, B)
+    states = len(H)
+    scale = max(float(np.diag(H).max()), EPSILON * float(np.abs(B).max(initial=0.0))) or 1.0
+    linear = -2.0 * B / scale
+    solver = piqp.DenseSolver()
+    solver.settings.eps_abs = PIQP_TOLERANCE
+    solver.settings.eps_rel = PIQP_TOLERANCE
+    solver.settings.eps_duality_gap_abs = PIQP_TOLERANCE
+    solver.settings.eps_duality_gap_rel = PIQP_TOLERANCE
+    hessian = np.asfortranarray(2.0 * H / scale)
+    ones = np.ones((1, states), order="F")
+    solver.setup(hessian, np.zeros(states), ones, np.ones(1), x_l=np.zeros(states), x_u=np.full(states, np.inf))
+    gamma = np.empty(B.shape)
+    for word, c in enumerate(linear):
+        solver.update(c=c)
+        status = solver.solve()
+        if status != piqp.PIQP_SOLVED:
+            raise PredplanError(f"quadratic program of word {word}: PIQP ended with {status.name}, expected solved")
+        gamma[word] = solver.result.x
+    np.maximum(gamma, 0.0, out=gamma)
+    gamma /= gamma.sum(axis=1, keepdims=True)
+    residual = kkt_residuals(H, B, gamma)
+    _check_residuals(residual, PIQP_RESIDUAL, "PIQP")
+    return SimplexSolution(gamma, residual)
+
+
+def _sign_free_minimiser(H: Floats) -> tuple[Floats, Floats]:
+    """The minimiser on 1' gamma = 1 alone is offset + inverse b: offset [K], inverse [K, K]."""
+    states = len(H)
+    centre = np.full(states, 1.0 / states)
+    projector = np.eye(states) - 1.0 / states
+    inverse = np.linalg.pinv(projector @ H @ projector, rcond=1e-12, hermitian=True)
+    return centre - inverse @ (H @ centre), np.ascontiguousarray(inverse)
+
+
+@compiled
+def _solve_rows(H: Floats, B: Floats, offset: Floats, inverse: Floats, gamma: Floats) -> None:
+    """Fill gamma [V, K] row by row; no row's arithmetic depends on another row."""
+    words, states = B.shape
+    largest = 0.0
+    for h in range(states):
+        largest = max(largest, H[h, h])
+    factor = np.empty((states, states))
+    step = np.empty(states)
+    gradient = np.empty(states)
+    free = np.empty(states, np.int64)
+    for w in range(words):
+        x = gamma[w]
+        x[:] = offset
+        magnitude = 0.0
+        for j in range(states):
+            magnitude = max(magnitude, abs(B[w, j]))
+            for i in range(states):
+                x[i] += inverse[j, i] * B[w, j]
+        total = 0.0
+        for i in range(states):
+            x[i] = max(x[i], 0.0)
+            total += x[i]
+        for i in range(states):
+            x[i] /= total
+        descend(H, B[w], x, STOP_GAP * (largest + magnitude), factor, step, gradient, free)
+
+
+@compiled
+def descend(
+    H: Floats,
+    b: Floats,
+    x: Floats,
+    stop_gap: float,
+    factor: Floats,
+    step: Floats,
+    gradient: Floats,
+    free: Integers,
+) -> bool:
+    """Move x [K], a point of the simplex, to the minimiser of x' H x - 2 b' x; True when the gap closed.
+
+    Primal active set. On the free coordinates the sum is eliminated through the largest one (the pivot), the
+    Newton step is cut at the first coordinate to reach zero, which then leaves; after an uncut step the
+    coordinate of least gradient enters. Each set is left with a lower objective, so none returns; the bound
+    on iterations guards against rounding. factor [K, K], step, gradient and free [K] are work space.
+    """
+    states = len(b)
+    count = 0
+    largest = 0.0
+    for h in range(states):
+        largest = max(largest, H[h, h])
+        if x[h] > 0.0:
+            free[count] = h
+            count += 1
+    ridge = 16.0 * states * EPSILON * largest
+    uncut = False
+    closed = False
+    for _ in range(20 + 10 * states):
+        gradient[:] = -b
+        for f in range(count):
+            j = free[f]
+            for i in range(states):
+                gradient[i] += H[j, i] * x[j]
+        least = 0
+        at_pivot = 0
+        gap = 0.0
+        for i in range(1, states):
+            if gradient[i] < gradient[least]:
+                least = i
+        for f in range(count):
+            gap += x[free[f]] * (gradient[free[f]] - gradient[least])
+            if x[free[f]] > x[free[at_pivot]]:
+                at_pivot = f
+        if gap <= stop_gap:
+            closed = True
+            break
+        if (uncut or count == 1) and x[least] == 0.0:
+            free[count] = least
+            count += 1
+        count -= 1
+        pivot = free[at_pivot]
+        free[at_pivot] = free[count]
+        free[count] = pivot
+        _reduced_step(H, gradient, free, count, ridge, factor, step)
+        length = 1.0
+        blocking = -1
+        for f in range(count + 1):
+            if step[f] < 0.0 and x[free[f]] < -step[f] * length:
+                length = -x[free[f]] / step[f]
+                blocking = f
+        for f in range(count + 1):
+            x[free[f]] = max(x[free[f]] + length * step[f], 0.0)
+        count += 1
+        uncut = blocking < 0
+        if blocking >= 0:
+            x[free[blocking]] = 0.0
+            count -= 1
+            free[blocking] = free[count]
+    total = 0.0
+    for i in range(states):
+        total += x[i]
+    for i in range(states):
+        x[i] /= total
+    return closed
+
+
+@compiled
+def _reduced_step(
+    H: Floats, gradient: Floats, free: Integers, count: int, ridge: float, factor: Floats, step: Floats
+) -> None:
+    """Newton step of sum zero over free[:count] and the pivot free[count], by Cholesky; fills step[: count + 1]."""
+    pivot = free[count]
+    for f in range(count):
+        i = free[f]
+        rise = H[i, pivot] - H[pivot, pivot]
+        total = gradient[pivot] - gradient[i]
+        for k in range(f):
+            j = free[k]
+            entry = H[i, j] - H[pivot, j] - rise
+            for c in range(k):
+                entry -= factor[f, c] * factor[k, c]
+            entry *= factor[k, k]
+            factor[f, k] = entry
+            total -= entry * step[k]
+        diagonal = H[i, i] - H[pivot, i] - rise + ridge
+        for c in range(f):
+            diagonal -= factor[f, c] * factor[f, c]
+        factor[f, f] = 1.0 / np.sqrt(max(diagonal, ridge))
+        step[f] = total * factor[f, f]
+    step[count] = 0.0
+    for f in range(count - 1, -1, -1):
+        step[f] *= factor[f, f]
+        for k in range(f):
+            step[k] -= factor[f, k] * step[f]
+        step[count] -= step[f]
+
+
+def _labelled_rows(labelled: Floats | None, seen: Booleans, shape: tuple[int, ...]) -> Floats:
+    if labelled is None:
+        raise InputError("labelled: found none, expected posteriors of the words seen labelled, as lam > 0")
+    if labelled.shape != shape:
+        raise InputError(f"labelled: found shape {labelled.shape}, expected {shape}")
+    rows = labelled[seen]
+    off = ~((rows >= 0.0).all(axis=1) & (np.abs(rows.sum(axis=1) - 1.0) <= 1e-9))
+    if off.any():
+        word = int(np.flatnonzero(seen)[off][0])
+        raise InputError(f"labelled, row {word}: found {labelled[word]}, expected probabilities that sum to one")
+    return rows
+
+
+def _check_program(H: Floats, B: Floats) -> None:
+    if H.ndim != 2 or H.shape[0] != H.shape[1] or not len(H):
+        raise InputError(f"Hessian: found shape {H.shape}, expected [K, K] with K >= 1")
+    if B.ndim != 2 or B.shape[1] != len(H):
+        raise InputError(f"linear terms: found shape {B.shape}, expected [V, {len(H)}]")
+    if not np.isfinite(H).all():
+        raise InputError("Hessian: found a value that is not finite, expected finite numbers")
+    if not np.isfinite(B).all():
+        word = int(np.flatnonzero(~np.isfinite(B).all(axis=1))[0])
+        raise InputError(f"linear terms, row {word}: found a value that is not finite, expected finite numbers")
+    largest = float(np.abs(H).max())
+    if np.abs(H - H.T).max() > 1e-12 * largest or np.linalg.eigvalsh(H)[0] < -1e-10 * largest:
+        raise InputError("Hessian: found one not symmetric positive semidefinite, expected R R' or the like")
+
+
+def _check_residuals(residual: Floats, bound: float, solver: str) -> None:
+    if not (residual <= bound).all():
+        word = int(np.argmax(np.where(np.isnan(residual), np.inf, residual)))
+        raise PredplanError(
+            f"quadratic program of word {word}: {solver} left a KKT residual of {residual[word]:.1e}, expected at most {bound:.0e}"
+        )
