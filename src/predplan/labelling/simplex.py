@@ -94,14 +94,13 @@ def kkt_residuals(H: Floats, B: Floats, gamma: Floats) -> Floats:
     With g = H gamma - b (half the gradient), the multiplier of the sum is min g and those of gamma >= 0 are
     s = g - min g, so stationarity and s >= 0 hold by construction. What is left is complementarity,
     s' gamma, which also bounds half the distance of the objective from its minimum; it is divided by
-    max_h H_hh + max_h |b_h|. The residual is the largest of that, |1' gamma - 1| and max_h -gamma_h.
+    max_h H_hh + max_h |b_h| of the centred program, so that neither units nor what all rows of R share count.
+    The residual is the largest of that, |1' gamma - 1| and max_h -gamma_h.
     """
-    gradient = gamma @ H - B
-    multipliers = gradient - gradient.min(axis=1, keepdims=True)
-    scale = np.diag(H).max() + np.abs(B).max(axis=1)
-    complementarity = np.abs(multipliers * gamma).sum(axis=1) / np.where(scale > 0.0, scale, 1.0)
-    infeasibility = np.maximum(np.abs(gamma.sum(axis=1) - 1.0), (-gamma).max(axis=1))
-    return cast(Floats, np.maximum(complementarity, infeasibility))
+    _check_program(H, B)
+    if gamma.shape != B.shape:
+        raise InputError(f"gamma: found shape {gamma.shape}, expected {B.shape}")
+    return _residuals(*_centred(H, B), np.ascontiguousarray(gamma, np.float64))
 
 
 def solve_active_set(H: Floats, B: Floats) -> SimplexSolution:
@@ -114,11 +113,11 @@ def solve_active_set(H: Floats, B: Floats) -> SimplexSolution:
     Raises InputError on bad input, PredplanError where a residual stays above 1e-10.
     """
     _check_program(H, B)
-    H, B = np.ascontiguousarray(H, np.float64), np.ascontiguousarray(B, np.float64)
     gamma = np.empty(B.shape)
-    offset, inverse = _sign_free_minimiser(H)
-    _solve_rows(H, B, offset, inverse, gamma)
-    residual = kkt_residuals(H, B, gamma)
+    centred, linear = _centred(H, B)
+    inverse = np.linalg.pinv(centred, rcond=1e-12, hermitian=True)
+    _solve_rows(centred, linear, np.ascontiguousarray(inverse), gamma)
+    residual = _residuals(centred, linear, gamma)
     hard = np.flatnonzero(~(residual <= ACTIVE_SET_RESIDUAL))
     if len(hard):
         again = solve_piqp(H, B[hard])
@@ -134,18 +133,19 @@ def solve_piqp(H: Floats, B: Floats) -> SimplexSolution:
     """
     _check_program(H, B)
     states = len(H)
-    scale = max(float(np.diag(H).max()), EPSILON * float(np.abs(B).max(initial=0.0))) or 1.0
-    linear = -2.0 * B / scale
+    centred, linear = _centred(H, B)
+    scale = max(float(np.diag(centred).max()), EPSILON * float(np.abs(linear).max(initial=0.0))) or 1.0
     solver = piqp.DenseSolver()
     solver.settings.eps_abs = PIQP_TOLERANCE
     solver.settings.eps_rel = PIQP_TOLERANCE
     solver.settings.eps_duality_gap_abs = PIQP_TOLERANCE
     solver.settings.eps_duality_gap_rel = PIQP_TOLERANCE
-    hessian = np.asfortranarray(2.0 * H / scale)
+    solver.settings.preconditioner_reuse_on_update = True
+    hessian = np.asfortranarray(2.0 * centred / scale)
     ones = np.ones((1, states), order="F")
     solver.setup(hessian, np.zeros(states), ones, np.ones(1), x_l=np.zeros(states), x_u=np.full(states, np.inf))
     gamma = np.empty(B.shape)
-    for word, c in enumerate(linear):
+    for word, c in enumerate(-2.0 * linear / scale):
         solver.update(c=c)
         status = solver.solve()
         if status != piqp.PIQP_SOLVED:
@@ -153,22 +153,53 @@ def solve_piqp(H: Floats, B: Floats) -> SimplexSolution:
         gamma[word] = solver.result.x
     np.maximum(gamma, 0.0, out=gamma)
     gamma /= gamma.sum(axis=1, keepdims=True)
-    residual = kkt_residuals(H, B, gamma)
+    residual = _residuals(centred, linear, gamma)
     _check_residuals(residual, PIQP_RESIDUAL, "PIQP")
     return SimplexSolution(gamma, residual)
 
 
-def _sign_free_minimiser(H: Floats) -> tuple[Floats, Floats]:
-    """The minimiser on 1' gamma = 1 alone is offset + inverse b: offset [K], inverse [K, K]."""
-    states = len(H)
-    centre = np.full(states, 1.0 / states)
-    projector = np.eye(states) - 1.0 / states
-    inverse = np.linalg.pinv(projector @ H @ projector, rcond=1e-12, hermitian=True)
-    return centre - inverse @ (H @ centre), np.ascontiguousarray(inverse)
+def _centred(H: Floats, B: Floats) -> tuple[Floats, Floats]:
+    """The same program on 1' gamma = 1 for R less its mean row, whose minimiser without signs is 1/K + H^+ b.
+
+    What all rows of R share cancels in the differences, so near-equal rows do not cost accuracy twice.
+    """
+    middle = H.mean(axis=1)
+    hessian = H - middle - middle[:, None] + middle.mean()
+    linear = B - middle
+    return np.ascontiguousarray(hessian, np.float64), np.ascontiguousarray(linear - linear.mean(axis=1, keepdims=True))
 
 
 @compiled
-def _solve_rows(H: Floats, B: Floats, offset: Floats, inverse: Floats, gamma: Floats) -> None:
+def _residuals(H: Floats, B: Floats, gamma: Floats) -> Floats:
+    words, states = B.shape
+    curvature = 0.0
+    for h in range(states):
+        curvature = max(curvature, H[h, h])
+    gradient = np.empty(states)
+    residual = np.empty(words)
+    for w in range(words):
+        gradient[:] = -B[w]
+        for j in range(states):
+            for i in range(states):
+                gradient[i] += H[j, i] * gamma[w, j]
+        least = gradient.min()
+        scale = curvature
+        complementarity = 0.0
+        total = 0.0
+        negative = 0.0
+        for i in range(states):
+            scale = max(scale, curvature + abs(B[w, i]))
+            complementarity += abs(gamma[w, i] * (gradient[i] - least))
+            total += gamma[w, i]
+            negative = max(negative, -gamma[w, i])
+        if scale > 0.0:
+            complementarity /= scale
+        residual[w] = max(complementarity, abs(total - 1.0), negative) if total == total else np.nan
+    return residual
+
+
+@compiled
+def _solve_rows(H: Floats, B: Floats, inverse: Floats, gamma: Floats) -> None:
     """Fill gamma [V, K] row by row; no row's arithmetic depends on another row."""
     words, states = B.shape
     largest = 0.0
@@ -180,7 +211,7 @@ def _solve_rows(H: Floats, B: Floats, offset: Floats, inverse: Floats, gamma: Fl
     free = np.empty(states, np.int64)
     for w in range(words):
         x = gamma[w]
-        x[:] = offset
+        x[:] = 1.0 / states
         magnitude = 0.0
         for j in range(states):
             magnitude = max(magnitude, abs(B[w, j]))
@@ -191,7 +222,7 @@ def _solve_rows(H: Floats, B: Floats, offset: Floats, inverse: Floats, gamma: Fl
             x[i] = max(x[i], 0.0)
             total += x[i]
         for i in range(states):
-            x[i] /= total
+            x[i] = x[i] / total if total > 0.0 else 1.0 / states
         descend(H, B[w], x, STOP_GAP * (largest + magnitude), factor, step, gradient, free)
 
 
@@ -208,10 +239,11 @@ def descend(
 ) -> bool:
     """Move x [K], a point of the simplex, to the minimiser of x' H x - 2 b' x; True when the gap closed.
 
-    Primal active set. On the free coordinates the sum is eliminated through the largest one (the pivot), the
-    Newton step is cut at the first coordinate to reach zero, which then leaves; after an uncut step the
-    coordinate of least gradient enters. Each set is left with a lower objective, so none returns; the bound
-    on iterations guards against rounding. factor [K, K], step, gradient and free [K] are work space.
+    Primal active set. On the free coordinates the sum is eliminated through the largest one (the pivot). The
+    opening takes whole Newton steps and drops every coordinate they make negative, until none is. From then
+    on a step is cut at the first coordinate to reach zero, which leaves, and after an uncut step the
+    coordinate of least gradient enters; each set is left with a lower objective, so none returns, and the
+    bound on iterations guards against rounding. factor [K, K], step, gradient and free [K] are work space.
     """
     states = len(b)
     count = 0
@@ -222,6 +254,7 @@ def descend(
             free[count] = h
             count += 1
     ridge = 16.0 * states * EPSILON * largest
+    opening = True
     uncut = False
     closed = False
     for _ in range(20 + 10 * states):
@@ -251,25 +284,31 @@ def descend(
         free[at_pivot] = free[count]
         free[count] = pivot
         _reduced_step(H, gradient, free, count, ridge, factor, step)
+        count += 1
         length = 1.0
         blocking = -1
-        for f in range(count + 1):
+        for f in range(count):
             if step[f] < 0.0 and x[free[f]] < -step[f] * length:
                 length = -x[free[f]] / step[f]
                 blocking = f
-        for f in range(count + 1):
-            x[free[f]] = max(x[free[f]] + length * step[f], 0.0)
-        count += 1
+        if opening and blocking >= 0:
+            length = 1.0
+        kept = 0
+        total = 0.0
+        for f in range(count):
+            i = free[f]
+            x[i] = x[i] + length * step[f]
+            if x[i] > 0.0 and (opening or f != blocking):
+                total += x[i]
+                free[kept] = i
+                kept += 1
+            else:
+                x[i] = 0.0
+        count = kept
+        for f in range(count):
+            x[free[f]] /= total
         uncut = blocking < 0
-        if blocking >= 0:
-            x[free[blocking]] = 0.0
-            count -= 1
-            free[blocking] = free[count]
-    total = 0.0
-    for i in range(states):
-        total += x[i]
-    for i in range(states):
-        x[i] /= total
+        opening = opening and not uncut
     return closed
 
 
