@@ -1,0 +1,149 @@
+"""Raw text to token ids in blocks of bytes: no token spans white space, so each distinct chunk is tokenised once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from predplan.errors import InputError
+from predplan.labelling import tweets
+from predplan.labelling.chunks import NEWLINE, ChunkedText, split_chunks
+from predplan.labelling.readers import RawText, Style, open_bytes
+from predplan.labelling.sentences import LabelledCorpus, TokenBatch
+
+BLOCK_BYTES = 8 << 20
+LONGEST_LINE = 100_000  # characters
+_UTF8_BOM = b"\xef\xbb\xbf"
+
+
+@dataclass(frozen=True)
+class LineReport:
+    """What a text held: all lines, its tokens, and the malformed lines that were dropped, by kind."""
+
+    lines: int = 0
+    tokens: int = 0
+    bad_utf8: int = 0
+    nul: int = 0
+    too_long: int = 0
+
+    @property
+    def malformed(self) -> int:
+        return self.bad_utf8 + self.nul + self.too_long
+
+    def __add__(self, other: LineReport) -> LineReport:
+        return LineReport(
+            self.lines + other.lines,
+            self.tokens + other.tokens,
+            self.bad_utf8 + other.bad_utf8,
+            self.nul + other.nul,
+            self.too_long + other.too_long,
+        )
+
+
+def read_blocks(raw: RawText, block_bytes: int = BLOCK_BYTES) -> Iterator[bytes]:
+    """The decompressed text in blocks that end with a line, of about `block_bytes`; files do not share a block.
+
+    Memory stays bounded: of a line that is too long for the tokeniser only the beginning is kept.
+    """
+    for path in raw.paths:
+        begun = b""
+        with open_bytes(path) as stream:
+            try:
+                while data := stream.read(block_bytes):
+                    whole, newline, rest = data.rpartition(b"\n")
+                    if newline:
+                        yield begun + whole + newline
+                        begun = rest
+                    else:
+                        begun = (begun + data)[: 4 * LONGEST_LINE + 1]
+            except OSError as error:
+                raise InputError(f"{path}: cannot be read ({error}); is it cut short?") from error
+        if begun:
+            yield begun
+
+
+def tokenise_block(block: bytes, style: Style) -> tuple[TokenBatch, LineReport]:
+    """Tokens of a block's lines. A pure function, fit for worker processes.
+
+    A line without tokens is no sentence. Lines with NUL, bytes that are not UTF-8, or more than 100,000 characters are
+    dropped and counted. The vocabulary is in order of first appearance.
+    """
+    block = block.removeprefix(_UTF8_BOM)
+    report = LineReport(lines=block.count(b"\n") + (not block.endswith(b"\n") and block != b""))
+    if b"\0" in block or _longest_line(block) > LONGEST_LINE:
+        block, dropped = _drop_malformed(block)
+        report += dropped
+    try:
+        text = split_chunks(block)
+    except UnicodeDecodeError:
+        block, dropped = _drop_malformed(block)
+        report += dropped
+        text = split_chunks(block)
+    batch = _expand(text, _TOKENISERS[style])
+    return batch, report + LineReport(tokens=len(batch.ids))
+
+
+def tokenise(text: str, style: Style) -> list[str]:
+    """The tokens of one sentence."""
+    return [token for chunk in text.split() for token in _TOKENISERS[style](chunk)]
+
+
+def normalise(corpus: LabelledCorpus, style: Style) -> LabelledCorpus:
+    """The corpus with its words in the form in which `tokenise` gives those of raw text."""
+    if style == "spaces":
+        return corpus
+    return LabelledCorpus(tuple(tuple(map(tweets.normalise, words)) for words in corpus.words), corpus.tags)
+
+
+_TOKENISERS: dict[Style, Callable[[str], list[str]]] = {"spaces": str.split, "tweets": tweets.tokenise_chunk}
+
+
+def _expand(text: ChunkedText, tokenise_chunk: Callable[[str], list[str]]) -> TokenBatch:
+    """Replaces each chunk by the ids of its tokens, and counts line ends in tokens."""
+    vocabulary: dict[str, int] = {}
+    tokens: list[int] = []
+    size = np.empty(len(text.distinct), np.int64)
+    for index, chunk in enumerate(text.distinct):
+        found = tokenise_chunk(chunk)
+        size[index] = len(found)
+        for token in found:
+            tokens.append(vocabulary.setdefault(token, len(vocabulary)))
+    first = np.cumsum(size) - size
+    sizes = size[text.ids]
+    ends = np.cumsum(sizes)
+    places = np.arange(sizes.sum()) + np.repeat(first[text.ids] - (ends - sizes), sizes)
+    line_ends = np.concatenate(([0], ends))[text.line_ends]
+    offsets = np.concatenate(([0], line_ends[np.diff(line_ends, prepend=0) > 0]))
+    return TokenBatch(tuple(vocabulary), np.array(tokens, np.int32)[places], offsets)
+
+
+def _longest_line(block: bytes) -> int:
+    """Bytes in the longest line."""
+    ends = np.flatnonzero(np.frombuffer(block, np.uint8) == NEWLINE)
+    return int(np.max(np.diff(ends, prepend=-1, append=len(block))))
+
+
+def _drop_malformed(block: bytes) -> tuple[bytes, LineReport]:
+    """The block without its malformed lines, and their number by kind; a line counts under the first kind that fits."""
+    kept: list[bytes] = []
+    nul = too_long = bad_utf8 = 0
+    for line in block.split(b"\n"):
+        if b"\0" in line:
+            nul += 1
+        elif len(line.decode(errors="replace")) > LONGEST_LINE:
+            too_long += 1
+        elif _is_utf8(line):
+            kept.append(line)
+        else:
+            bad_utf8 += 1
+    return b"\n".join(kept), LineReport(bad_utf8=bad_utf8, nul=nul, too_long=too_long)
+
+
+def _is_utf8(line: bytes) -> bool:
+    try:
+        line.decode()
+    except UnicodeDecodeError:
+        return False
+    return True
