@@ -113,7 +113,7 @@ def solve_active_set(H: Floats, B: Floats) -> SimplexSolution:
     """Exact solution of every row's program. H [K, K] symmetric positive semidefinite, B [V, K].
 
     Starts from the positive part of the minimiser without gamma >= 0, which one pseudo-inverse gives for all
-    rows. A singular H is safe: the Cholesky factors carry a ridge of 16 K eps max_h H_hh, and as each solve
+    rows. A singular H is safe: the Cholesky factors carry a ridge of 16 K eps max_h (H_hh, eps |b_h|), and as each solve
     gives a step from the present point, not the point, repeating it removes the ridge's effect.
     Rows that the bounded number of steps leaves above a residual of 1e-10 are given to PIQP.
     Raises InputError on bad input, PredplanError where a residual stays above 1e-10.
@@ -135,6 +135,8 @@ def solve_active_set(H: Floats, B: Floats) -> SimplexSolution:
 def solve_piqp(H: Floats, B: Floats) -> SimplexSolution:
     """Every row's program by PIQP: one set-up, then a new linear term a row. H [K, K], B [V, K].
 
+    PIQP's own scaling is off, as `update` repeats it from where the row before left it, so that a solution would
+    depend on the rows before; the program is divided by its largest curvature instead.
     Raises InputError on bad input, PredplanError where PIQP's status is not solved or a residual exceeds 1e-9.
     """
     _check_program(H, B)
@@ -146,7 +148,7 @@ def solve_piqp(H: Floats, B: Floats) -> SimplexSolution:
     solver.settings.eps_rel = PIQP_TOLERANCE
     solver.settings.eps_duality_gap_abs = PIQP_TOLERANCE
     solver.settings.eps_duality_gap_rel = PIQP_TOLERANCE
-    solver.settings.preconditioner_reuse_on_update = True
+    solver.settings.preconditioner_iter = 0
     hessian = np.asfortranarray(2.0 * centred / scale)
     ones = np.ones((1, states), order="F")
     solver.setup(hessian, np.zeros(states), ones, np.ones(1), x_l=np.zeros(states), x_u=np.full(states, np.inf))
@@ -200,7 +202,7 @@ def _residuals(H: Floats, B: Floats, gamma: Floats) -> Floats:
             negative = max(negative, -gamma[w, i])
         if scale > 0.0:
             complementarity /= scale
-        residual[w] = max(complementarity, abs(total - 1.0), negative) if total == total else np.nan
+        residual[w] = np.nan if np.isnan(total) else max(complementarity, abs(total - 1.0), negative)
     return residual
 
 
@@ -255,7 +257,7 @@ def descend(
     count = 0
     largest = 0.0
     for h in range(states):
-        largest = max(largest, H[h, h])
+        largest = max(largest, H[h, h], EPSILON * abs(b[h]))
         if x[h] > 0.0:
             free[count] = h
             count += 1
