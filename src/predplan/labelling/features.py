@@ -1,0 +1,88 @@
+"""What a word's spelling says: the features of section 3.6.1, and classes of spelling for rare words."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+LONGEST_AFFIX = 4
+_REPEATED = re.compile(r"(.)\1+")
+
+
+def spelling_features(word: str) -> list[str]:
+    """Names of the binary features a word has: prefixes, suffixes, shape, length, Unicode classes of its characters."""
+    lower = word.lower()
+    names = ["bias", f"kind={kind(word)}", f"shape={shape(word)}", f"length={min(len(word), 8)}"]
+    names += [f"suffix={lower[-n:]}" for n in range(1, LONGEST_AFFIX + 1) if len(lower) >= n]
+    names += [f"prefix={lower[:n]}" for n in range(1, LONGEST_AFFIX) if len(lower) >= n]
+    names += [f"unicode={category}" for category in sorted(set(map(unicodedata.category, word)))]
+    return names
+
+
+def kind(word: str) -> str:
+    """The coarsest description: mention, hashtag, url, number, symbols, and for words the use of capitals and hyphens."""
+    if len(word) > 1 and word[0] in "@#":
+        return "mention" if word[0] == "@" else "hashtag"
+    if word.startswith(("http://", "https://", "www.")):
+        return "url"
+    letters = any(character.isalpha() for character in word)
+    if any(character.isdigit() for character in word):
+        return "mixed" if letters else "number"
+    if not letters:
+        return "symbol" if len(word) == 1 else "symbols"
+    inner = word[1:-1]
+    link = "-" if "-" in inner else "'" if "'" in inner or "’" in inner else ""
+    case = "upper" if len(word) > 1 and word.isupper() else "title" if word[0].isupper() else "lower"
+    return case + link
+
+
+def shape(word: str) -> str:
+    """Runs of capitals, small letters and digits as A, a and 0, other characters as they are: `Covid-19` is `Aa-0`."""
+    classes = ("A" if c.isupper() else "a" if c.islower() else "0" if c.isdigit() else c for c in word)
+    return _REPEATED.sub(r"\1", "".join(classes))[:8]
+
+
+def feature_matrix(names: Iterable[Sequence[str]], columns: Mapping[str, int]) -> sparse.csr_array:
+    """Binary features [words, W]; names that have no column are passed over."""
+    indptr, indices = [0], []
+    for row in names:
+        indices.extend(column for name in row if (column := columns.get(name)) is not None)
+        indptr.append(len(indices))
+    return sparse.csr_array(
+        (np.ones(len(indices)), np.array(indices, np.int32), np.array(indptr)), shape=(len(indptr) - 1, len(columns))
+    )
+
+
+@dataclass(frozen=True)
+class SpellingClasses:
+    """Classes of rare words: kind and the longest suffix that enough rare words share."""
+
+    known: frozenset[str]
+
+    @classmethod
+    def learn(cls, words: Sequence[str], count: Sequence[int], rare: int, least_types: int) -> SpellingClasses:
+        """Keep the classes that at least `least_types` words of at most `rare` occurrences fall into."""
+        sizes = Counter(
+            name for word, n in zip(words, count, strict=True) if n <= rare for name in _suffix_classes(word)
+        )
+        return cls(frozenset(name for name, size in sizes.items() if size >= least_types))
+
+    def of(self, word: str) -> str:
+        """The most specific known class of a word; its kind alone where none is known."""
+        for name in _suffix_classes(word):
+            if name in self.known:
+                return name
+        return kind(word)
+
+
+def _suffix_classes(word: str) -> list[str]:
+    name, lower = kind(word), word.lower()
+    if not name.startswith(("upper", "title", "lower")):
+        return [name]
+    return [f"{name}:{lower[-n:]}" for n in (3, 2, 1) if len(lower) >= n] + [name]

@@ -1,0 +1,103 @@
+"""Moments of words and contexts (section 3.3.1), derived from bigram counts.
+
+A context is the previous or the next word. Context words that are rare in the raw text stand for their class of
+spelling, so every context is seen often enough to be measured.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from sklearn.utils.extmath import randomized_svd
+
+from predplan.labelling.counting import BigramCounts
+from predplan.labelling.features import SpellingClasses
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ContextMoments:
+    """Counts of contexts around each word: words [V] and, twice, contexts [C]: previous, then next word.
+
+    counts [V, 2C] is |D| p_w Q_wc of Eq. 3.5 before division; names [C] of the contexts of one side.
+    """
+
+    vocabulary: tuple[str, ...]
+    word_count: NDArray[np.int64]
+    names: tuple[str, ...]
+    counts: sparse.csr_array
+
+    @property
+    def word_probability(self) -> Floats:
+        """p of Eq. 3.7 [V]."""
+        return np.asarray(self.word_count / self.word_count.sum())
+
+    @property
+    def context_probability(self) -> Floats:
+        """q of Eq. 3.6 [2C], each side summing to one."""
+        return by_side(np.asarray(self.counts.sum(axis=0))[None])[0]
+
+
+def context_moments(bigrams: BigramCounts, classes: SpellingClasses, least_count: int) -> ContextMoments:
+    """Contexts are the words seen at least `least_count` times, a class of spelling for each other word, and the edge."""
+    size = len(bigrams.vocabulary)
+    names: dict[str, int] = {}
+    context = np.empty(size + 1, np.int64)
+    for word_id, (word, count) in enumerate(zip(bigrams.vocabulary, bigrams.count.tolist(), strict=True)):
+        name = word if count >= least_count else f"<{classes.of(word)}>"
+        context[word_id] = names.setdefault(name, len(names))
+    context[size] = names.setdefault("<edge>", len(names))
+    group = sparse.csr_array((np.ones(size + 1), (np.arange(size + 1), context)), shape=(size + 1, len(names)))
+    before = (bigrams.bigrams.T @ group)[:size]
+    after = (bigrams.bigrams @ group)[:size]
+    counts = sparse.csr_array(sparse.hstack([before, after]))
+    counts.sort_indices()
+    return ContextMoments(bigrams.vocabulary, bigrams.count, tuple(names), counts)
+
+
+def by_side(counts: Floats) -> Floats:
+    """Rows of counts [n, 2C] as two distributions each, of the previous and of the next word; empty sides are zero."""
+    sides = counts.reshape(len(counts), 2, -1)
+    totals = sides.sum(axis=2, keepdims=True)
+    return np.divide(sides, totals, out=np.zeros_like(sides), where=totals > 0).reshape(counts.shape)
+
+
+def context_label_moments(moments: ContextMoments, anchors: NDArray[np.bool_], smoothing: float) -> Floats:
+    """R of Eq. 3.12 [K, 2C] from anchors [V, K]: contexts of a tag's anchors, each side a distribution.
+
+    `smoothing` pseudo-counts of the overall context distribution are added, so that no context is impossible.
+    """
+    counted = np.asarray((moments.counts.T @ anchors.astype(np.float64)).T)
+    return by_side(counted + smoothing * moments.context_probability)
+
+
+def canonical_vectors(moments: ContextMoments, dimension: int, seed: int) -> Floats:
+    """Words as unit vectors [V, dimension] of a canonical correlation analysis with their contexts (section 3.5)."""
+    whitened = _whitened(moments)
+    left, values, _ = randomized_svd(whitened, min(dimension, min(whitened.shape) - 1), random_state=seed)
+    vectors = left * values
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
+
+
+def canonical_contexts(moments: ContextMoments, dimension: int, seed: int) -> Floats:
+    """The projection P_C [2C, dimension] of contexts by the same analysis, scaled to act on counts (section 3.5)."""
+    totals = np.asarray(moments.counts.sum(axis=0)).ravel()
+    whitened = _whitened(moments)
+    _, _, right = randomized_svd(whitened, min(dimension, min(whitened.shape) - 1), random_state=seed)
+    return np.asarray(right.T * _inverse_root(totals)[:, None])
+
+
+def _whitened(moments: ContextMoments) -> sparse.csr_array:
+    rows = np.asarray(moments.counts.sum(axis=1)).ravel()
+    columns = np.asarray(moments.counts.sum(axis=0)).ravel()
+    scaled = sparse.diags_array(_inverse_root(rows)) @ moments.counts @ sparse.diags_array(_inverse_root(columns))
+    return sparse.csr_array(scaled)
+
+
+def _inverse_root(totals: Floats) -> Floats:
+    return np.divide(1.0, np.sqrt(totals), out=np.zeros_like(totals), where=totals > 0)
