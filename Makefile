@@ -1,0 +1,61 @@
+# Each target works on a fresh machine with Python 3.11 or newer, git and a package registry; a second run is instant.
+PYTHON ?= python3
+VENV ?= .venv
+JOBS ?= 2
+
+BIN := $(abspath $(VENV))/bin
+READY := $(VENV)/.ready
+EXTRAS := --extra pipeline --extra dask --extra dev
+
+export VIRTUAL_ENV := $(abspath $(VENV))
+export PATH := $(BIN):$(PATH)
+export DVC_NO_ANALYTICS := 1
+# Parallel work is done by processes: one thread of linear algebra in each.
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+export MKL_NUM_THREADS := 1
+unexport PYTHONPATH PYTHONHOME
+
+.PHONY: results test check thesis bench lock clean
+.DELETE_ON_ERROR:
+
+results: $(READY) ## the pipeline at its default scale
+	dvc repro
+
+test: $(READY) ## all tests
+	pytest -n $(JOBS) --dist loadfile
+
+check: $(READY) ## style, types, direction of imports
+	ruff check
+	ruff format --check
+	mypy
+	lint-imports
+
+thesis: $(READY) ## the pipeline at the thesis's scale
+	dvc repro thesis/dvc.yaml
+
+bench: $(READY) ## speed, measured on this machine
+	python -m stages.bench
+
+lock: $(READY) ## pin every dependency anew, by hash
+	uv pip compile --quiet --upgrade --universal --generate-hashes --python-version 3.11 --no-header $(EXTRAS) \
+		pyproject.toml --output-file requirements.lock
+
+clean: ## the environment and the tools' caches; data and reports stay
+	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis build dist
+	find src stages tests -type d -name __pycache__ -prune -exec rm -rf {} +
+
+# uv's own pin is the block of lines that begins with its name in the lock. uv does not read pip's settings, so a
+# registry set there is handed on.
+$(READY): requirements.lock pyproject.toml
+	@command -v $(PYTHON) >/dev/null || { echo "$(PYTHON) is not there: install Python 3.11 or newer, or name one: make PYTHON=/path/to/python" >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; v = sys.version_info; v >= (3, 11) or sys.exit(f"$(PYTHON) is Python {v.major}.{v.minor}; expected 3.11 or newer: make PYTHON=/path/to/python3.11")'
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "$(PYTHON) has no venv module: install it (Debian and Ubuntu: apt install python3-venv)" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	sed -n '/^uv==/,/[^\\]$$/p' requirements.lock > $(VENV)/uv.lock
+	python -m pip install --quiet --disable-pip-version-check --require-hashes -r $(VENV)/uv.lock
+	index=$$(python -m pip config get global.index-url 2>/dev/null); index=$${PIP_INDEX_URL:-$$index}; \
+	if [ -n "$$index" ]; then export UV_DEFAULT_INDEX="$${UV_DEFAULT_INDEX:-$$index}"; fi; \
+	uv pip sync --quiet --require-hashes requirements.lock
+	uv pip install --quiet --no-deps --no-build-isolation --editable .
+	touch $@

@@ -1,0 +1,137 @@
+"""The whole of params.yaml as frozen models: every knob of the pipeline, checked before any stage works.
+
+One model a component, each field followed by a line that says what it changes. To add a component, write its model
+and name it as a field of the one above; unknown keys, wrong types and impossible values are then errors by themselves.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
+from pydantic_core import ErrorDetails, PydanticCustomError
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+from predplan.errors import InputError
+
+ItemName = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
+"""The name of a corpus, suite or task: it becomes part of stage names and folders."""
+
+SchedulerAddress = Annotated[str, StringConstraints(pattern=r"^(tcp|tls)://.+:\d+$")]
+
+
+class Component(BaseModel):
+    """Base of every model: frozen, strict, finite numbers, and unknown keys answered with the known ones."""
+
+    model_config = ConfigDict(
+        frozen=True, strict=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _only_known_keys(cls, given: Any) -> Any:
+        known = [field.alias or name for name, field in cls.model_fields.items()]
+        unknown = [key for key in given if key not in known] if isinstance(given, dict) else []
+        if unknown:
+            raise PydanticCustomError("unknown_keys", "unknown keys", {"unknown": unknown, "known": known})
+        return given
+
+
+class CorpusSettings(Component):
+    """One corpus of the labelling branch."""
+
+    source: str
+    """Name of a declared source of corpora."""
+
+
+class LabellingSettings(Component):
+    """The labelling branch."""
+
+    corpora: dict[ItemName, CorpusSettings]
+    """The corpora to run, by name."""
+
+
+class Settings(Component):
+    """The whole of params.yaml."""
+
+    root: str
+    """Folder in which the stages run, relative to the params file."""
+
+    out: str
+    """Folder under which the stages write, relative to root."""
+
+    workers: Annotated[int, Field(ge=1)]
+    """Processes for work of many independent pieces."""
+
+    scheduler: SchedulerAddress | None = None
+    """Address of a Dask scheduler whose workers take the place of processes."""
+
+    labelling: LabellingSettings
+    """The labelling branch."""
+
+
+def load_settings(path: Path) -> Settings:
+    """The settings in a params file.
+
+    Raises InputError for a file that is missing or not YAML, and one that lists every fault of the settings: its
+    dotted key, what was found and what is allowed.
+    """
+    # Arrays may stand for tuples and whole numbers for floats in strict JSON, as a writer of YAML expects.
+    text = json.dumps(_read_yaml(path), default=str)
+    try:
+        return Settings.model_validate_json(text)
+    except ValidationError as error:
+        faults = [fault for details in error.errors() for fault in _faults(details)]
+        listed = faults[0] if len(faults) == 1 else "".join(f"\n  {fault}" for fault in faults)
+        raise InputError(f"{path}: {listed}") from error
+
+
+def _read_yaml(path: Path) -> Any:
+    """Read with DVC's own parser, so that both see the same values (1e-3 is a number, `no` a string)."""
+    try:
+        return YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not UTF-8 at byte {error.start}; expected YAML") from error
+    except MarkedYAMLError as error:
+        line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
+        raise InputError(f"{path}{line}: {error.problem}") from error
+    except YAMLError as error:
+        raise InputError(f"{path}: not YAML: {error}") from error
+
+
+def _faults(details: ErrorDetails) -> list[str]:
+    """One line a fault."""
+    place = details["loc"]
+    if details["type"] == "unknown_keys":
+        known, allowed = details["ctx"]["known"], ", ".join(details["ctx"]["known"])
+        return [
+            f"{_dotted(*place, key)}: unknown key;{_nearest(key, known)} allowed: {allowed}"
+            for key in details["ctx"]["unknown"]
+        ]
+    if details["type"] == "missing":
+        return [f"{_dotted(*place)}: missing"]
+    allowed = (
+        details["msg"].removeprefix("Input should ").removeprefix("String should ").replace("an object", "a mapping")
+    )
+    return [f"{_dotted(*place)}: found {_shown(details['input'])}, must {allowed}"]
+
+
+def _dotted(*place: int | str) -> str:
+    return ".".join(str(part) for part in place if part != "[key]") or "the whole file"
+
+
+def _nearest(key: str, known: list[str]) -> str:
+    near = difflib.get_close_matches(key, known, n=1)
+    return f" did you mean {near[0]!r}?" if near else ""
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, dict | list):
+        return "a mapping" if isinstance(value, dict) else "a list"
+    return json.dumps(value, ensure_ascii=False)
