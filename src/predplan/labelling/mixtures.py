@@ -20,6 +20,7 @@ from predplan.labelling.simplex import Floats, Integers, compiled, compiled_sums
 EM_STEPS = 2
 LEAST_FRACTION = 0.1
 LEAST_RISE = 1e-4
+ROUNDING = 1e-14
 HALVINGS = 30
 
 
@@ -216,7 +217,10 @@ def _step_length(
     slope: float,
     total: float,
 ) -> float:
-    """The first of 1, 1/2, 1/4, ... at which the objective has risen by 1e-4 of the slope; 0 where none has."""
+    """The first of 1, 1/2, 1/4, ... at which the objective has risen by 1e-4 of the slope; 0 where none has.
+
+    A fall within the objective's rounding, 1e-14 of total, is let pass: the gap still narrows there.
+    """
     length = 1.0
     for _ in range(HALVINGS):
         rise = 0.0
@@ -225,7 +229,8 @@ def _step_length(
         for h in range(len(x)):
             if alpha[h] > 0.0:
                 rise += alpha[h] * np.log1p(length * direction[h] / x[h])
-        if slope > 0.0 and rise >= LEAST_RISE * length * slope:
+        enough = LEAST_RISE * length * slope - ROUNDING * total
+        if rise >= enough and slope >= enough:
             return length
         length *= 0.5
     return 0.0

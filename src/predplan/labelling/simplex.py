@@ -36,13 +36,15 @@ T = TypeVar("T")
 def compiled(function: Callable[P, T]) -> Callable[P, T]:
     """Compile with Numba, cached on disk, releasing the interpreter lock."""
     njit = cast(Callable[..., Any], numba.njit)
-    return cast(Callable[P, T], njit(cache=True, nogil=True)(function))
+    return cast(Callable[P, T], njit(cache=True, nogil=True, error_model="numpy")(function))
 
 
 def compiled_sums(function: Callable[P, T]) -> Callable[P, T]:
     """As compiled, with leave to reorder sums so that they use vector instructions."""
     njit = cast(Callable[..., Any], numba.njit)
-    return cast(Callable[P, T], njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})(function))
+    return cast(
+        Callable[P, T], njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})(function)
+    )
 
 
 @dataclass(frozen=True)
@@ -169,12 +171,14 @@ def solve_piqp(H: Floats, B: Floats) -> SimplexSolution:
 def _centred(H: Floats, B: Floats) -> tuple[Floats, Floats]:
     """The same program on 1' gamma = 1 for R less its mean row, whose minimiser without signs is 1/K + H^+ b.
 
-    What all rows of R share cancels in the differences, so near-equal rows do not cost accuracy twice.
+    What all rows of R share cancels in the differences, so near-equal rows do not cost accuracy twice. Negative
+    eigenvalues, which only the rounding of H can leave, are set to zero.
     """
     middle = H.mean(axis=1)
-    hessian = H - middle - middle[:, None] + middle.mean()
+    values, vectors = np.linalg.eigh(H - middle - middle[:, None] + middle.mean())
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
     linear = B - middle
-    return np.ascontiguousarray(hessian, np.float64), np.ascontiguousarray(linear - linear.mean(axis=1, keepdims=True))
+    return root @ root.T, np.ascontiguousarray(linear - linear.mean(axis=1, keepdims=True), np.float64)
 
 
 @compiled
