@@ -7,8 +7,8 @@ together with the spelling, at each frequency; an unknown word is judged by its 
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from sklearn.linear_model import LogisticRegression
 
+from predplan.errors import InputError
 from predplan.labelling.features import feature_matrix, spelling_features
-from predplan.labelling.sentences import LabelledCorpus
 
 Floats = NDArray[np.float64]
 LEAST_PROBABILITY = 1e-5
@@ -58,21 +58,24 @@ class WordClassifier:
 
     def probabilities(self, words: Sequence[str], evidence: Evidence) -> Floats:
         """p(tag | word) [words, K], none below 1e-5."""
-        spelled = feature_matrix((evidence.features(word) for word in words), self.columns)
-        scores = spelled @ self.spelling + evidence.rows(words) @ self.evidence
+        scores = feature_matrix((evidence.features(word) for word in words), self.columns) @ self.spelling
+        if evidence.word_ids:
+            scores = scores + evidence.rows(words) @ self.evidence
         odds = np.exp(scores - scores.max(axis=1, keepdims=True))
         odds = odds / odds.sum(axis=1, keepdims=True) + LEAST_PROBABILITY
         return np.asarray(odds / odds.sum(axis=1, keepdims=True))
 
 
 def fit_classifier(
-    corpus: LabelledCorpus, evidence: Evidence, tags: Sequence[str], inverse_penalty: float
+    labels: Mapping[str, Counter[str]], evidence: Evidence, tags: Sequence[str], inverse_penalty: float
 ) -> WordClassifier:
-    """Fit to labelled word types: each weighs one, shared between its tags by their frequency."""
-    counts: defaultdict[str, Counter[str]] = defaultdict(Counter)
-    for word, tag in labelled_tokens(corpus):
-        counts[word][tag] += 1
-    examples = [(word, tag, n / sum(of.values())) for word, of in counts.items() for tag, n in of.items()]
+    """Fit to labelled word types (label_counts): each weighs one, shared between its tags by their frequency.
+
+    Raises InputError where fewer than two tags are labelled.
+    """
+    examples = [(word, tag, n / sum(of.values())) for word, of in labels.items() for tag, n in of.items()]
+    if len({tag for _, tag, _ in examples}) < 2:
+        raise InputError(f"labelled data: found {len(labels)} labelled words of one tag, expected at least two tags")
     words = [word for word, _, _ in examples]
     names = [evidence.features(word) for word in words]
     columns = {name: column for column, name in enumerate(sorted({name for row in names for name in row}))}
@@ -81,16 +84,111 @@ def fit_classifier(
     model = LogisticRegression(C=inverse_penalty, max_iter=1000)
     model.fit(inputs, target, sample_weight=[weight for _, _, weight in examples])
     weights = np.zeros((inputs.shape[1], len(tags)))
-    weights[:, model.classes_] = model.coef_.T
     bias = np.full(len(tags), np.log(LEAST_PROBABILITY))
-    bias[model.classes_] = model.intercept_
+    if len(model.classes_) == 2:
+        weights[:, model.classes_[1]], bias[model.classes_] = model.coef_[0], (0.0, model.intercept_[0])
+    else:
+        weights[:, model.classes_], bias[model.classes_] = model.coef_.T, model.intercept_
     weights[columns["bias"]] += bias
     return WordClassifier(columns, weights[: len(columns)], weights[len(columns) :])
 
 
-def labelled_tokens(corpus: LabelledCorpus) -> Iterable[tuple[str, str]]:
-    """The (word, tag) pairs that have a tag."""
-    for words, tags in zip(corpus.words, corpus.tags, strict=True):
-        for word, tag in zip(words, tags, strict=True):
-            if tag is not None:
-                yield word, tag
+@dataclass(frozen=True)
+class Lexicon:
+    """p(tag | word): probabilities [V, K] of the words it lists, the classifier's for all others.
+
+    count [V] in raw text; tag_probability [K]: p(h), the sum of p(tag | word) p(word) over raw text (Eq. 3.16).
+    """
+
+    word_ids: Mapping[str, int]
+    count: NDArray[np.int64]
+    probabilities: Floats
+    tag_probability: Floats
+    classifier: WordClassifier
+
+    def of(self, words: Sequence[str]) -> Floats:
+        """p(tag | word) [words, K]."""
+        ids = np.fromiter((self.word_ids.get(word, -1) for word in words), np.int64, len(words))
+        found = np.where(ids[:, None] >= 0, self.probabilities[ids], 0.0)
+        unknown = np.flatnonzero(ids < 0)
+        if len(unknown):
+            found[unknown] = self.classifier.probabilities([words[i] for i in unknown], NO_EVIDENCE)
+        return found
+
+
+NO_EVIDENCE = Evidence({}, np.empty(0, np.int64), np.empty((0, 0)))
+
+
+@dataclass(frozen=True)
+class LexiconSettings:
+    """How labels, spelling and contexts are weighed in p(tag | word)."""
+
+    inverse_penalty: float = 1.0
+    """Inverse strength of the classifier's penalty on squared weights."""
+    shrinkage: float = 0.1
+    """How many labels the classifier's opinion of a labelled word counts for."""
+    lam: float = 1.0
+    """Weight of a word's own labels, 0 to 1 (the role of lambda in Eq. 3.27)."""
+    least_count: int = 2
+    """Words rarer than this in raw text, and not labelled, are left to the classifier."""
+    disallowed: float = 0.05
+    """Factor on the odds of a tag that the dictionary does not list for a word it has."""
+
+
+@dataclass(frozen=True)
+class Supervision:
+    """What is known of words: tags with their counts in labelled sentences, and a tag dictionary (may be empty)."""
+
+    labels: Mapping[str, Counter[str]]
+    dictionary: Mapping[str, frozenset[str]]
+
+
+def fit_supervised(
+    supervision: Supervision, evidence: Evidence, tags: Sequence[str], settings: LexiconSettings
+) -> WordClassifier:
+    """The classifier of word types; a word that only the dictionary has counts once for each tag it allows."""
+    listed = {
+        word: Counter(sorted(allowed))
+        for word, allowed in supervision.dictionary.items()
+        if word not in supervision.labels
+    }
+    return fit_classifier({**supervision.labels, **listed}, evidence, tags, settings.inverse_penalty)
+
+
+def judge(
+    words: Sequence[str],
+    classifier: WordClassifier,
+    supervision: Supervision,
+    evidence: Evidence,
+    tags: Sequence[str],
+    settings: LexiconSettings,
+) -> Floats:
+    """p(tag | word) [words, K]: the classifier's opinion, kept to the dictionary, under the word's own labels."""
+    probabilities = classifier.probabilities(words, evidence)
+    number = {tag: index for index, tag in enumerate(tags)}
+    for place, word in enumerate(words):
+        if word in supervision.dictionary:
+            factor = np.full(len(tags), settings.disallowed)
+            factor[[number[tag] for tag in supervision.dictionary[word]]] = 1.0
+            probabilities[place] *= factor / (probabilities[place] @ factor)
+        if word in supervision.labels:
+            own = np.zeros(len(tags))
+            for tag, n in supervision.labels[word].items():
+                own[number[tag]] = settings.lam * n
+            probabilities[place] = (own + settings.shrinkage * probabilities[place]) / (own.sum() + settings.shrinkage)
+    return probabilities
+
+
+def build_lexicon(
+    supervision: Supervision, evidence: Evidence, tags: Sequence[str], settings: LexiconSettings
+) -> Lexicon:
+    """Fit the classifier, and judge every word that raw text has often enough or that labels or dictionary know."""
+    classifier = fit_supervised(supervision, evidence, tags, settings)
+    count_of = dict(zip(evidence.word_ids, evidence.count.tolist(), strict=True))
+    frequent = [word for word, n in count_of.items() if n >= settings.least_count]
+    words = frequent + sorted({*supervision.labels, *supervision.dictionary}.difference(frequent))
+    probabilities = judge(words, classifier, supervision, evidence, tags, settings)
+    count = np.array([count_of.get(word, 0) for word in words], np.int64)
+    mass = np.maximum(count, 1) @ probabilities
+    word_ids = {word: place for place, word in enumerate(words)}
+    return Lexicon(word_ids, count, probabilities, mass / mass.sum(), classifier)

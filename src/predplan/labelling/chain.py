@@ -1,0 +1,126 @@
+"""A conditional random field whose features each look at one word: the token's own, the one before or the one after.
+
+python-crfsuite trains it; its weights are taken out, so that a model is tables of numbers and a word type is scored
+once, not once a token.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pycrfsuite
+from numpy.typing import NDArray
+from scipy import sparse
+
+from predplan.errors import InputError
+from predplan.labelling.decoding import Transitions
+from predplan.labelling.sentences import LabelledCorpus
+
+Floats = NDArray[np.float64]
+Description = Mapping[str, float]
+"""Features of one word with their values; values are never negative, since CRFsuite drops features that sum below zero."""
+
+OFFSETS = (-1, 0, 1)
+EDGE: Description = {"edge": 1.0}
+
+
+@dataclass(frozen=True)
+class ChainSettings:
+    """How the conditional random field is trained."""
+
+    penalty: float = 0.5
+    """Coefficient of the squared weights."""
+    iterations: int = 150
+    """Most steps of L-BFGS."""
+
+
+@dataclass(frozen=True)
+class ChainWeights:
+    """Weights of the field: columns name the features, weights [3, W, K] for the word before, here and after."""
+
+    columns: Mapping[str, int]
+    weights: Floats
+    transitions: Transitions
+
+    def word_scores(self, descriptions: Sequence[Description]) -> Floats:
+        """Log-potentials each word adds to the token after it, to its own and to the one before [3, words, K]."""
+        indptr, indices, values = [0], [], []
+        for description in descriptions:
+            for name, value in description.items():
+                column = self.columns.get(name)
+                if column is not None:
+                    indices.append(column)
+                    values.append(value)
+            indptr.append(len(indices))
+        shape = (len(descriptions), len(self.columns))
+        table = sparse.csr_array((np.array(values), np.array(indices, np.int64), np.array(indptr)), shape=shape)
+        return np.stack([table @ weights for weights in self.weights])
+
+    def token_scores(self, words: Floats, ids: NDArray[np.int64], offsets: NDArray[np.int64]) -> Floats:
+        """Log-potentials of tokens [tokens, K] from those of word types [3, words, K]; ids index types."""
+        edge = self.word_scores([EDGE])[:, 0]
+        before = np.empty((len(ids), words.shape[2]))
+        after = np.empty_like(before)
+        before[1:], after[:-1] = words[0, ids[:-1]], words[2, ids[1:]]
+        filled = offsets[:-1] < offsets[1:]
+        before[offsets[:-1][filled]] = edge[0]
+        after[offsets[1:][filled] - 1] = edge[2]
+        return np.asarray(words[1, ids] + before + after)
+
+
+def train_chain(
+    corpus: LabelledCorpus,
+    descriptions: Sequence[Sequence[Description]],
+    tags: Sequence[str],
+    settings: ChainSettings,
+) -> ChainWeights:
+    """Fit to fully labelled sentences; descriptions[s][i] describes word i of sentence s."""
+    trainer = pycrfsuite.Trainer("lbfgs", verbose=False)
+    trainer.set_params(
+        {
+            "c1": 0.0,
+            "c2": settings.penalty,
+            "max_iterations": settings.iterations,
+            "feature.possible_transitions": True,
+        }
+    )
+    for sentence, sentence_tags in zip(descriptions, corpus.tags, strict=True):
+        if None in sentence_tags:
+            raise InputError("the conditional random field needs every word of a sentence labelled; found one without")
+        trainer.append(pycrfsuite.ItemSequence(_windows(sentence)), list(sentence_tags))
+    with tempfile.TemporaryDirectory() as folder:
+        path = str(Path(folder) / "weights.crfsuite")
+        trainer.train(path)
+        tagger = pycrfsuite.Tagger()
+        tagger.open(path)
+        dumped = tagger.info()
+        tagger.close()
+    number = {tag: index for index, tag in enumerate(tags)}
+    columns: dict[str, int] = {}
+    entries = []
+    for (attribute, tag), weight in dumped.state_features.items():
+        offset, _, name = attribute.partition("|")
+        entries.append((OFFSETS.index(int(offset)), columns.setdefault(name, len(columns)), number[tag], weight))
+    weights = np.zeros((len(OFFSETS), len(columns), len(tags)))
+    for offset_index, column, tag_index, weight in entries:
+        weights[offset_index, column, tag_index] = weight
+    between = np.ones((len(tags), len(tags)))
+    for (previous, following), weight in dumped.transitions.items():
+        between[number[previous], number[following]] = np.exp(weight)
+    return ChainWeights(columns, weights, Transitions(np.ones(len(tags)), between, np.ones(len(tags))))
+
+
+def _windows(sentence: Sequence[Description]) -> list[dict[str, float]]:
+    padded = [EDGE, *sentence, EDGE]
+    return [
+        {
+            f"{offset}|{name}": value
+            for offset in OFFSETS
+            for name, value in padded[place + 1 + offset].items()
+        }
+        for place in range(len(sentence))
+    ]

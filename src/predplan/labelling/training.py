@@ -1,0 +1,151 @@
+"""From counts of raw text and a few labelled sentences to each of the three models: Algorithms 3 and 5, and stacking."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from predplan.labelling.anchors import Anchors, AnchorSettings, supervised_anchors, tag_matrix
+from predplan.labelling.chain import ChainSettings, Description, train_chain
+from predplan.labelling.counting import BigramCounts
+from predplan.labelling.decoding import Transitions
+from predplan.labelling.features import SpellingClasses, feature_matrix
+from predplan.labelling.lexicon import (
+    Evidence,
+    Lexicon,
+    LexiconSettings,
+    Supervision,
+    confidence,
+    fit_supervised,
+    judge,
+)
+from predplan.labelling.loglinear import fit_emissions, mean_parameters
+from predplan.labelling.models import ChainModel, Clusters, FeatureHiddenMarkovModel, describe, identity_features
+from predplan.labelling.moments import ContextMoments, canonical_vectors, context_moments
+from predplan.labelling.posteriors import ContextPosteriors, PosteriorSettings, cross_fitted_posteriors
+from predplan.labelling.sentences import LabelledCorpus, label_counts
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MomentSettings:
+    """Which contexts are told apart, and how rare words are classed."""
+
+    context_count: int = 20
+    """Words seen at least this often are contexts of their own; rarer ones stand for their class of spelling."""
+    class_types: int = 30
+    """Rare words that must share a suffix for it to be a class."""
+    vectors: int = 50
+    """Dimension of the words' canonical vectors; 0 for none."""
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """All knobs of training, a component each; the defaults were chosen on development data."""
+
+    moments: MomentSettings = field(default_factory=MomentSettings)
+    anchors: AnchorSettings = field(default_factory=AnchorSettings)
+    posteriors: PosteriorSettings = field(default_factory=PosteriorSettings)
+    lexicon: LexiconSettings = field(default_factory=LexiconSettings)
+    chain: ChainSettings = field(default_factory=ChainSettings)
+    folds: int = 5
+    """Parts for judging anchors, and labelled sentences, by the others only."""
+    emission_penalty: float = 1e-4
+    """Penalty on the squared weights of log-linear emissions (epsilon of Eq. 3.26)."""
+
+
+@dataclass(frozen=True)
+class RawStatistics:
+    """All that is learned of the raw text before any label: moments and canonical vectors [V, D]."""
+
+    moments: ContextMoments
+    word_ids: Mapping[str, int]
+    vectors: Floats
+
+
+def raw_statistics(bigrams: BigramCounts, settings: MomentSettings, seed: int) -> RawStatistics:
+    """Moments of contexts, and canonical vectors of words."""
+    rare = settings.context_count
+    classes = SpellingClasses.learn(bigrams.vocabulary, bigrams.count.tolist(), rare, settings.class_types)
+    moments = context_moments(bigrams, classes, settings.context_count)
+    word_ids = {word: place for place, word in enumerate(bigrams.vocabulary)}
+    if settings.vectors == 0:
+        return RawStatistics(moments, word_ids, np.zeros((len(word_ids), 0)))
+    return RawStatistics(moments, word_ids, canonical_vectors(moments, settings.vectors, seed))
+
+
+def find_anchors(
+    raw: RawStatistics, supervision: Supervision, tags: Sequence[str], settings: AnchorSettings
+) -> Anchors:
+    """Anchors of every tag from labels and dictionary."""
+    listed = {word: dict.fromkeys(allowed, 1) for word, allowed in supervision.dictionary.items()}
+    return supervised_anchors(
+        tag_matrix(supervision.labels, raw.word_ids, tags),
+        tag_matrix(listed, raw.word_ids, tags),
+        raw.moments.word_count,
+        tags,
+        settings,
+    )
+
+
+def gather_evidence(raw: RawStatistics, contexts: ContextPosteriors) -> Evidence:
+    """What contexts say of each word, each measurement scaled by the confidence its count gives."""
+    trust = confidence(raw.moments.word_count)[:, None]
+    values = np.hstack([contexts.gamma * trust, contexts.log_ratio * (0.5 * trust), raw.vectors * trust])
+    return Evidence(raw.word_ids, raw.moments.word_count, values)
+
+
+def learn_evidence(
+    raw: RawStatistics, supervision: Supervision, tags: Sequence[str], settings: TrainingSettings, seed: int
+) -> tuple[Anchors, ContextPosteriors, Evidence]:
+    """Anchors, the posteriors they give every word, and these as evidence."""
+    anchors = find_anchors(raw, supervision, tags, settings.anchors)
+    rng = np.random.default_rng(seed)
+    contexts = cross_fitted_posteriors(raw.moments, anchors.chosen, settings.posteriors, settings.folds, rng)
+    return anchors, contexts, gather_evidence(raw, contexts)
+
+
+def train_feature_model(lexicon: Lexicon, transitions: Transitions, penalty: float) -> FeatureHiddenMarkovModel:
+    """Log-linear emissions whose expected features match those the lexicon's posteriors give (Algorithm 5)."""
+    words = list(lexicon.word_ids)
+    names = [identity_features(word) for word in words]
+    columns = {name: place for place, name in enumerate(dict.fromkeys(name for row in names for name in row))}
+    features = feature_matrix(names, columns)
+    weight = np.maximum(lexicon.count, 1).astype(np.float64)
+    mean = mean_parameters(features, weight / weight.sum(), lexicon.probabilities)
+    return FeatureHiddenMarkovModel(columns, fit_emissions(features, mean, penalty), transitions)
+
+
+def train_chain_model(
+    corpus: LabelledCorpus,
+    dictionary: Mapping[str, frozenset[str]],
+    lexicon: Lexicon,
+    evidence: Evidence,
+    clusters: Clusters,
+    tags: tuple[str, ...],
+    settings: TrainingSettings,
+    seed: int,
+) -> ChainModel:
+    """Stack a conditional random field on the posteriors.
+
+    Each labelled sentence is described by posteriors from the labels of the other folds, since new sentences too will
+    be described by posteriors that have not seen their labels.
+    """
+    fold = np.random.default_rng(seed).integers(0, settings.folds, len(corpus))
+    described: list[list[Description]] = [[] for _ in range(len(corpus))]
+    for number in range(settings.folds):
+        inside = np.flatnonzero(fold == number).tolist()
+        others = Supervision(label_counts(corpus.subset(np.flatnonzero(fold != number).tolist())), dictionary)
+        if not inside or not others.labels:
+            continue
+        words = list(dict.fromkeys(word for sentence in inside for word in corpus.words[sentence]))
+        classifier = fit_supervised(others, evidence, tags, settings.lexicon)
+        posterior = judge(words, classifier, others, evidence, tags, settings.lexicon)
+        description = dict(zip(words, describe(words, posterior, tags, clusters), strict=True))
+        for sentence in inside:
+            described[sentence] = [description[word] for word in corpus.words[sentence]]
+    return ChainModel(lexicon, clusters, tags, train_chain(corpus, described, tags, settings.chain))
