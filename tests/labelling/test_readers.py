@@ -99,7 +99,7 @@ def test_word_groups_join_to_words_tagged_by_their_last_group(tmp_path: Path) ->
     corpus = read_word_groups(write(tmp_path, "# id\n" + text))
     assert corpus.words == (("Açıklayan", "."),)
     assert corpus.tags == (("ADJ", "PUNCT"),)
-    with pytest.raises(InputError, match="file.txt:3: the sentence ends within the word 'Açıkla'"):
+    with pytest.raises(InputError, match=r"file.txt:3: the sentence ends within the word 'Açıkla'"):
         read_word_groups(write(tmp_path, "".join(text.splitlines(keepends=True)[:2])))
 
 
@@ -144,7 +144,7 @@ def test_other_bad_input(tmp_path: Path) -> None:
     path = write(tmp_path, "a|N b\n")
     with pytest.raises(InputError, match=r"file.txt:1: 'b' has no tag; expected word\|tag"):
         read_pairs(path)
-    with pytest.raises(InputError, match="file.txt:1: the label 'N' has no word"):
+    with pytest.raises(InputError, match=r"file.txt:1: the label 'N' has no word"):
         read_dictionary(write(tmp_path, "|N"))
     with pytest.raises(InputError, match="nowhere: no such file"):
         read_labelled(tmp_path / "nowhere")

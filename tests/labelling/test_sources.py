@@ -77,9 +77,12 @@ def test_an_unknown_corpus_and_an_unset_mirror(tmp_path: Path, monkeypatch: pyte
 
 def test_every_declared_place_is_well_formed() -> None:
     for source in sources.sources().values():
-        assert source.places and source.citation and source.licence
+        assert source.places
+        assert source.citation
+        assert source.licence
         for place in source.places:
             assert place.kind in {"mirror", "npm", "wheel", "zip", "url"}
-            assert place.files and set(place.paths) <= set(place.files)
+            assert place.files
+            assert set(place.paths) <= set(place.files)
             pinned = "4fbd22cd78421f05b1ecdb4fc5725bc7a7bd8f66" in place.origin
             assert all(len(digest) == 64 or pinned for digest in place.files.values())

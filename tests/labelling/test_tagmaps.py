@@ -13,8 +13,10 @@ CORPUS = LabelledCorpus((("a", "b", "c"), ("d",)), (("N-H", None, "P"), ("N",)))
 
 @pytest.mark.parametrize(
     ("name", "entries"),
-    [("en-brown", 472), ("en-ptb", 68), ("en-tweet", 25), ("tu-metusbanci", 31), ("mlg", 23), ("mlg-dev-extra", 9)]
-    + [("mlg-dict", 15), ("tr-treebanks", 14), ("ud", 18)],
+    [
+        *[("en-brown", 472), ("en-ptb", 68), ("en-tweet", 25), ("tu-metusbanci", 31), ("tr-treebanks", 14)],
+        *[("mlg", 23), ("mlg-dev-extra", 9), ("mlg-dict", 15), ("ud", 18)],
+    ],
 )
 def test_own_maps_are_whole(name: str, entries: int) -> None:
     assert len(own_tagmap(name)) == entries
@@ -40,7 +42,7 @@ def test_bad_maps_name_the_line(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"own.map:2: found 'V\\tVERBS'; expected tag<TAB>universal tag, one of NOUN"):
         read_tagmap(path)
     path.write_text("N\tNOUN\nN\tVERB\n")
-    with pytest.raises(InputError, match="own.map:2: N is mapped to VERB, but before to NOUN"):
+    with pytest.raises(InputError, match=r"own.map:2: N is mapped to VERB, but before to NOUN"):
         read_tagmap(path)
     with pytest.raises(InputError, match="no map is named 'nope'; expected one of en-brown"):
         own_tagmap("nope")

@@ -67,8 +67,8 @@ def test_a_block_is_its_lines_tokenised_one_by_one(lines: list[str], style: Styl
     batch, report = tokenise_block("\n".join(lines).encode(), style)
     expected = [tokens for tokens in (tokenise(line, style) for line in lines) if tokens]
     assert sentences(batch) == expected
-    assert report.tokens == sum(map(len, expected)) and report.malformed == 0
-    assert batch.ids.dtype == np.int32 and batch.offsets.dtype == np.int64
+    assert (report.tokens, report.malformed) == (sum(map(len, expected)), 0)
+    assert (batch.ids.dtype, batch.offsets.dtype) == (np.int32, np.int64)
     assert len(set(batch.vocabulary)) == len(batch.vocabulary) == len(set(batch.ids.tolist()))
 
 
@@ -128,7 +128,7 @@ def test_an_endless_line_is_cut_in_memory_and_counted(tmp_path: Path) -> None:
 
 def test_raw_text_that_is_cut_short_is_said_to_be(tmp_path: Path) -> None:
     (tmp_path / "raw.gz").write_bytes(gzip.compress(os.urandom(5000))[:-100])
-    with pytest.raises(InputError, match="raw.gz: cannot be read .*cut short"):
+    with pytest.raises(InputError, match=r"raw.gz: cannot be read .*cut short"):
         list(read_blocks(read_raw(tmp_path / "raw.gz")))
 
 

@@ -57,6 +57,7 @@ class Fetched:
 
     @property
     def paths(self) -> tuple[Path, ...]:
+        """Where each file lies."""
         return tuple(self.folder / name for name in self.sha256)
 
 

@@ -30,6 +30,7 @@ class LineReport:
 
     @property
     def malformed(self) -> int:
+        """Dropped lines of all kinds."""
         return self.bad_utf8 + self.nul + self.too_long
 
     def __add__(self, other: LineReport) -> LineReport:
