@@ -20,25 +20,25 @@ unexport PYTHONPATH PYTHONHOME
 .DELETE_ON_ERROR:
 
 results: $(READY) ## the pipeline at its default scale
-	dvc repro
+	$(BIN)/dvc repro
 
 test: $(READY) ## all tests
-	pytest -n $(JOBS) --dist loadfile
+	$(BIN)/pytest -n $(JOBS) --dist loadfile
 
 check: $(READY) ## style, types, direction of imports
-	ruff check
-	ruff format --check
-	mypy
-	lint-imports
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
 
 thesis: $(READY) ## the pipeline at the thesis's scale
-	dvc repro thesis/dvc.yaml
+	$(BIN)/dvc repro thesis/dvc.yaml
 
 bench: $(READY) ## speed, measured on this machine
-	python -m stages.bench
+	$(BIN)/python -m stages.bench
 
 lock: $(READY) ## pin every dependency anew, by hash
-	uv pip compile --quiet --upgrade --universal --generate-hashes --python-version 3.11 --no-header $(EXTRAS) \
+	$(BIN)/uv pip compile --quiet --upgrade --universal --generate-hashes --python-version 3.11 --no-header $(EXTRAS) \
 		pyproject.toml --output-file requirements.lock
 
 clean: ## the environment and the tools' caches; data and reports stay
@@ -53,9 +53,9 @@ $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "$(PYTHON) has no venv module: install it (Debian and Ubuntu: apt install python3-venv)" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 	sed -n '/^uv==/,/[^\\]$$/p' requirements.lock > $(VENV)/uv.lock
-	python -m pip install --quiet --disable-pip-version-check --require-hashes -r $(VENV)/uv.lock
-	index=$$(python -m pip config get global.index-url 2>/dev/null); index=$${PIP_INDEX_URL:-$$index}; \
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r $(VENV)/uv.lock
+	index=$$($(BIN)/python -m pip config get global.index-url 2>/dev/null); index=$${PIP_INDEX_URL:-$$index}; \
 	if [ -n "$$index" ]; then export UV_DEFAULT_INDEX="$${UV_DEFAULT_INDEX:-$$index}"; fi; \
-	uv pip sync --quiet --require-hashes requirements.lock
-	uv pip install --quiet --no-deps --no-build-isolation --editable .
+	$(BIN)/uv pip sync --quiet --require-hashes requirements.lock
+	$(BIN)/uv pip install --quiet --no-deps --no-build-isolation --editable .
 	touch $@

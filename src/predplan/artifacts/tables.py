@@ -122,12 +122,22 @@ def _conform(rows: TableLike, schema: TableSchema, arrow: pa.Schema) -> pa.Table
     names = rows.column_names if isinstance(rows, pa.Table) else list(rows)
     if sorted(names) != sorted(arrow.names):
         raise ValueError(f"table {schema.name!r} has columns {', '.join(arrow.names)}; got {', '.join(names)}")
+    columns = [_conform_column(rows[column.name], column, schema) for column in schema.columns]
+    if len({len(values) for values in columns}) > 1:
+        lengths = ", ".join(f"{name} {len(values)}" for name, values in zip(arrow.names, columns, strict=True))
+        raise ValueError(f"table {schema.name!r}: columns of unequal length: {lengths}")
+    return pa.Table.from_arrays(columns, schema=arrow)
+
+
+def _conform_column(values: Any, column: Column, schema: TableSchema) -> pa.Array | pa.ChunkedArray:
     try:
-        if isinstance(rows, pa.Table):
-            return rows.select(arrow.names).cast(arrow)
-        return pa.Table.from_pydict(dict(rows), schema=arrow).cast(arrow)
+        arrow = values if isinstance(values, pa.Array | pa.ChunkedArray) else pa.array(values, column.type)
+        arrow = arrow.cast(column.type)
     except pa.ArrowException as error:
-        raise ValueError(f"table {schema.name!r}: {error}") from error
+        raise ValueError(f"table {schema.name!r}, column {column.name!r}: {error}") from error
+    if arrow.null_count and not column.nullable:
+        raise ValueError(f"table {schema.name!r}, column {column.name!r}: {arrow.null_count} missing values")
+    return arrow
 
 
 def _check(path: Path, schema: TableSchema, found: pa.Schema) -> None:
