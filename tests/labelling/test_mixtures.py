@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from predplan.errors import InputError, PredplanError
+from predplan.labelling.active_set import Floats, Integers
 from predplan.labelling.mixtures import fit_mixtures
-from predplan.labelling.simplex import Floats, Integers
 
 SEEDS = st.integers(0, 2**32 - 1)
 

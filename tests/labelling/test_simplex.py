@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from predplan.errors import InputError, PredplanError
 from predplan.labelling import simplex
-from predplan.labelling.simplex import Floats, kkt_residuals, simplex_posteriors, solve_active_set, solve_piqp
+from predplan.labelling.active_set import Floats
+from predplan.labelling.simplex import kkt_residuals, simplex_posteriors, solve_active_set, solve_piqp
 
 SOLVERS = {"active_set": solve_active_set, "piqp": solve_piqp}
 SEEDS = st.integers(0, 2**32 - 1)
@@ -115,7 +116,7 @@ def test_rows_do_not_depend_on_each_other(solver: str) -> None:
 
 def test_rows_the_active_set_leaves_go_to_piqp(monkeypatch: pytest.MonkeyPatch) -> None:
     H, B = noisy_program(0.5, 4, 10, np.random.default_rng(4))
-    monkeypatch.setattr(simplex, "_solve_rows", lambda H, B, inverse, gamma: gamma.fill(0.25))
+    monkeypatch.setattr(simplex, "minimise_rows", lambda H, B, inverse, gamma: gamma.fill(0.25))
     assert solve_active_set(H, B).residual.max() <= 1e-10
     monkeypatch.setattr(simplex, "solve_piqp", lambda H, B: simplex.SimplexSolution(0 * B, np.ones(len(B))))
     with pytest.raises(PredplanError, match="word 0: active set left"):

@@ -5,7 +5,7 @@ Word w was seen n_wc times with context c. Its contexts are drawn from the mixtu
     max_gamma  sum_c n_wc log (gamma' R)_c  +  sum_h alpha_wh log gamma_h    on the simplex,
 
 where alpha >= 0 are pseudo-counts of the labels. The problem is concave. Each word gets a few steps of EM, then
-Newton steps: the quadratic model of the objective is maximised on the simplex by the active set of simplex.py
+Newton steps: the quadratic model of the objective is maximised on the simplex by the active set of active_set.py
 and followed as far as the objective rises enough.
 """
 
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from predplan.errors import InputError, PredplanError
-from predplan.labelling.simplex import Floats, Integers, compiled, compiled_sums, descend
+from predplan.labelling.active_set import Floats, Integers, compiled, compiled_sums, descend
 
 EM_STEPS = 2
 LEAST_FRACTION = 0.1
@@ -272,7 +272,7 @@ def _check_counts(indptr: Integers, indices: Integers, data: Floats, contexts: i
         raise InputError(f"indptr: expected to rise from 0 to {len(indices)}, the number of counts")
     if data.shape != indices.shape:
         raise InputError(f"counts: found {len(data)} values for {len(indices)} contexts, expected as many")
-    if len(indices) and not (0 <= indices.min() and indices.max() < contexts):
+    if len(indices) and not (indices.min() >= 0 and indices.max() < contexts):
         raise InputError(f"contexts: found {indices.min()} to {indices.max()}, expected 0 to {contexts - 1}")
     if not (np.isfinite(data) & (data >= 0.0)).all():
         raise InputError("counts: found a value negative or not finite, expected numbers >= 0")
