@@ -1,6 +1,7 @@
 """The mixture of each word: its optimality, its limits, and SciPy's answer to the same problem."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pytest
@@ -52,7 +53,8 @@ def objective(p: Problem, gamma: Floats) -> Floats:
     """[V]; -inf where a label with pseudo-counts has probability zero."""
     with np.errstate(divide="ignore"):
         logs = np.where(p.alpha > 0.0, np.log(gamma), 0.0)
-    return p.weight * (p.dense * np.log(gamma @ p.R)).sum(axis=1) + (p.alpha * logs).sum(axis=1)
+    values: Floats = p.weight * (p.dense * np.log(gamma @ p.R)).sum(axis=1) + (p.alpha * logs).sum(axis=1)
+    return values
 
 
 def gaps(p: Problem, gamma: Floats) -> Floats:
@@ -89,10 +91,10 @@ def test_equals_scipy(seed: int) -> None:
     p = random_problem(seed)
     gamma = fit_mixtures(*p.arguments(), tolerance=1e-9).gamma
     total = p.weight * p.dense.sum(axis=1) + p.alpha.sum(axis=1)
-    for w in np.flatnonzero(total > 0.0):
+    for w in np.flatnonzero(total > 0.0).tolist():
 
         def loss(x: Floats, w: int = w) -> float:
-            return -float(objective(p, np.maximum(x, 1e-12)[None, :])[w]) / total[w]
+            return -float(objective(p, np.maximum(x, 1e-12)[None, :])[w] / total[w])
 
         reference = minimize(
             loss,
@@ -173,7 +175,7 @@ def test_too_few_steps_is_an_error() -> None:
 
 
 def test_bad_input_is_named() -> None:
-    good = {
+    good: dict[str, Any] = {
         "indptr": np.array([0, 1]),
         "indices": np.array([1]),
         "data": np.array([2.0]),

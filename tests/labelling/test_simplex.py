@@ -1,5 +1,7 @@
 """Laws of the simplex programs, and both solvers against qpsolvers."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 import qpsolvers
@@ -28,7 +30,8 @@ def noisy_program(share: float, states: int, words: int, rng: np.random.Generato
 
 
 def objective(H: Floats, B: Floats, gamma: Floats) -> Floats:
-    return np.einsum("wi,ij,wj->w", gamma, H, gamma) - 2.0 * (B * gamma).sum(axis=1)
+    values: Floats = np.einsum("wi,ij,wj->w", gamma, H, gamma) - 2.0 * (B * gamma).sum(axis=1)
+    return values
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -37,7 +40,8 @@ def objective(H: Floats, B: Floats, gamma: Floats) -> Floats:
 def test_equals_qpsolvers(solver: str, share: float, states: int) -> None:
     H, B = noisy_program(share, states, 40, np.random.default_rng(states))
     solution = SOLVERS[solver](H, B)
-    ones, zero, accuracy = np.ones((1, states)), np.zeros(states), {"eps_abs": 1e-12, "eps_rel": 1e-12}
+    ones, zero = np.ones((1, states)), np.zeros(states)
+    accuracy: dict[str, Any] = {"eps_abs": 1e-12, "eps_rel": 1e-12}
     reference = np.array(
         [qpsolvers.solve_qp(2 * H, -2 * b, A=ones, b=ones[0, :1], lb=zero, solver="piqp", **accuracy) for b in B]
     )
@@ -181,7 +185,7 @@ ROWS = np.full((2, 3), 1 / 3)
         ((H3, B3, ROWS, SEEN, 0.5, "simplex"), "solver: found 'simplex'"),
     ],
 )
-def test_bad_input_is_named(arguments: tuple[object, ...], message: str) -> None:
+def test_bad_input_is_named(arguments: tuple[Any, ...], message: str) -> None:
     with pytest.raises(InputError, match=message):
         simplex_posteriors(*arguments)
 

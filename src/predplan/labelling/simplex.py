@@ -93,8 +93,8 @@ def solve_active_set(H: Floats, B: Floats) -> SimplexSolution:
     """Exact solution of every row's program. H [K, K] symmetric positive semidefinite, B [V, K].
 
     Starts from the positive part of the minimiser without gamma >= 0, which one pseudo-inverse gives for all
-    rows. A singular H is safe: the Cholesky factors carry a ridge of 16 K eps max_h (H_hh, eps |b_h|), and as each solve
-    gives a step from the present point, not the point, repeating it removes the ridge's effect.
+    rows. A singular H is safe: the Cholesky factors carry a ridge of 16 K eps max_h (H_hh, eps |b_h|), and as
+    each solve gives a step from the present point, not the point, repeating it removes the ridge's effect.
     Rows that the bounded number of steps leaves above a residual of 1e-10 are given to PIQP.
     Raises InputError on bad input, PredplanError where a residual stays above 1e-10.
     """
@@ -191,5 +191,6 @@ def _check_residuals(residual: Floats, bound: float, solver: str) -> None:
     if not (residual <= bound).all():
         word = int(np.argmax(np.where(np.isnan(residual), np.inf, residual)))
         raise PredplanError(
-            f"quadratic program of word {word}: {solver} left a KKT residual of {residual[word]:.1e}, expected at most {bound:.0e}"
+            f"quadratic program of word {word}: {solver} left a KKT residual of {residual[word]:.1e}, "
+            f"expected at most {bound:.0e}"
         )
