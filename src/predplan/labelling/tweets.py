@@ -93,5 +93,9 @@ def normalise(word: str) -> str:
 def _tokenise_rare(chunk: str) -> tuple[str, ...]:
     if "&" in chunk:
         chunk = html.unescape(chunk)
-    parted = _EDGES.sub(lambda edge: f"{edge[1]} " if edge[1] else f" {edge[2]}", chunk)
+    parted = " ".join(_EDGES.sub(_part_edge, run) for run in chunk.split())
     return tuple(normalise(token) for piece in parted.split() for token in _WHOLE.split(piece) if token)
+
+
+def _part_edge(edge: re.Match[str]) -> str:
+    return f"{edge[1]} " if edge[1] else f" {edge[2]}"
