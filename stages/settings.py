@@ -8,15 +8,19 @@ from __future__ import annotations
 
 import difflib
 import json
+from dataclasses import is_dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, get_args, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
-from pydantic_core import ErrorDetails, PydanticCustomError
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+from pydantic_core import ErrorDetails
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from predplan.errors import InputError
+from predplan.labelling.corpora import OwnFiles, SplitSettings
+from predplan.labelling.readers import Style
+from predplan.labelling.training import TrainingSettings
 
 ItemName = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
 """The name of a corpus, suite or task: it becomes part of stage names and folders."""
@@ -31,21 +35,39 @@ class Component(BaseModel):
         frozen=True, strict=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
     )
 
-    @model_validator(mode="before")
-    @classmethod
-    def _only_known_keys(cls, given: Any) -> Any:
-        known = [field.alias or name for name, field in cls.model_fields.items()]
-        unknown = [key for key in given if key not in known] if isinstance(given, dict) else []
-        if unknown:
-            raise PydanticCustomError("unknown_keys", "unknown keys", {"unknown": unknown, "known": known})
-        return given
-
 
 class CorpusSettings(Component):
     """One corpus of the labelling branch."""
 
-    source: str
-    """Name of a declared source of corpora."""
+    source: Literal["brown", "turkish", "twitter", "malagasy", "files"]
+    """A declared source of corpora, or files of one's own."""
+
+    style: Style = "spaces"
+    """How raw lines become tokens: at white space, or as tweets."""
+
+    split: SplitSettings | None = None
+    """How brown and turkish are cut into labelled, dev, test and raw text."""
+
+    files: OwnFiles | None = None
+    """Paths of a corpus of one's own (source files)."""
+
+    tagmap: str | None = None
+    """File that maps the tags of one's own corpus to the universal ones; without it they stay as they are."""
+
+    dictionary: bool = False
+    """Whether the tag dictionary of malagasy is used."""
+
+    languages: tuple[str, ...] = ()
+    """Languages (ISO 639) whose raw lines are kept; empty keeps all."""
+
+    sizes: tuple[Annotated[int, Field(ge=1)], ...]
+    """Labelled sentences of the training sets of the tables."""
+
+    curve: tuple[Annotated[int, Field(ge=1)], ...]
+    """Labelled sentences of the training sets of the learning curves."""
+
+    draws: Annotated[int, Field(ge=1)]
+    """Training sets drawn of each size; of all labelled sentences there is only one."""
 
 
 class LabellingSettings(Component):
@@ -54,12 +76,24 @@ class LabellingSettings(Component):
     corpora: dict[ItemName, CorpusSettings]
     """The corpora to run, by name."""
 
+    seed: int = 0
+    """Seed of everything random that is not the draw of a training set."""
+
+    composite_iterations: Annotated[int, Field(ge=1)] = 10
+    """Iterations of Algorithm 4."""
+
+    training: TrainingSettings = TrainingSettings()
+    """Knobs of the anchor models."""
+
 
 class Settings(Component):
     """The whole of params.yaml."""
 
     root: str
     """Folder in which the stages run, relative to the params file."""
+
+    params: str
+    """This file, relative to root: what the stages are given."""
 
     out: str
     """Folder under which the stages write, relative to root."""
@@ -108,12 +142,9 @@ def _read_yaml(path: Path) -> Any:
 def _faults(details: ErrorDetails) -> list[str]:
     """One line a fault."""
     place = details["loc"]
-    if details["type"] == "unknown_keys":
-        known, allowed = details["ctx"]["known"], ", ".join(details["ctx"]["known"])
-        return [
-            f"{_dotted(*place, key)}: unknown key;{_nearest(key, known)} allowed: {allowed}"
-            for key in details["ctx"]["unknown"]
-        ]
+    if details["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+        known = _known_keys(place[:-1])
+        return [f"{_dotted(*place)}: unknown key;{_nearest(str(place[-1]), known)} allowed: {', '.join(known)}"]
     if details["type"] == "missing":
         return [f"{_dotted(*place)}: missing"]
     allowed = (
@@ -124,6 +155,15 @@ def _faults(details: ErrorDetails) -> list[str]:
 
 def _dotted(*place: int | str) -> str:
     return ".".join(str(part) for part in place if part != "[key]") or "the whole file"
+
+
+def _known_keys(place: tuple[int | str, ...]) -> list[str]:
+    """The keys allowed at a place, found by walking the models' annotations."""
+    kind: Any = Settings
+    for part in place:
+        annotation = get_type_hints(kind)[str(part)] if isinstance(kind, type) else get_args(kind)[-1]
+        kind = next((option for option in get_args(annotation) if is_dataclass(option)), annotation)
+    return list(get_type_hints(kind))
 
 
 def _nearest(key: str, known: list[str]) -> str:

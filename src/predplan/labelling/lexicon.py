@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from sklearn.linear_model import LogisticRegression
+from threadpoolctl import threadpool_limits
 
 from predplan.errors import InputError
 from predplan.labelling.features import feature_matrix, spelling_features
@@ -82,7 +83,8 @@ def fit_classifier(
     inputs = sparse.hstack([feature_matrix(names, columns), sparse.csr_array(evidence.rows(words))]).tocsr()
     target = np.array([tags.index(tag) for _, tag, _ in examples])
     model = LogisticRegression(C=inverse_penalty, max_iter=1000)
-    model.fit(inputs, target, sample_weight=[weight for _, _, weight in examples])
+    with threadpool_limits(1):  # the vectors are short: more threads made it ten times slower
+        model.fit(inputs, target, sample_weight=[weight for _, _, weight in examples])
     weights = np.zeros((inputs.shape[1], len(tags)))
     bias = np.full(len(tags), np.log(LEAST_PROBABILITY))
     if len(model.classes_) == 2:

@@ -14,6 +14,7 @@ from predplan.labelling.simplex import Solver, simplex_posteriors
 
 Floats = NDArray[np.float64]
 Loss = Literal["kl", "ls"]
+TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ def _fit(
     if lam < 1.0:
         prior += lam / (1.0 - lam) * label_counts
     mixture = fit_mixtures(
-        counts.indptr, counts.indices, counts.data, label_contexts, prior, np.ones(len(rows)), threads=2
+        counts.indptr, counts.indices, counts.data, label_contexts, prior, np.ones(len(rows)), TOLERANCE, threads=2
     )
     if lam == 1.0:
         mixture.gamma[seen], mixture.residual[seen] = frequency[seen], 0.0

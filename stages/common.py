@@ -1,0 +1,71 @@
+"""What every stage does first and last: read its settings, find its item's folder, and say clearly what went wrong."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from predplan.artifacts.provenance import Provenance, hash_file
+from predplan.errors import InputError, PredplanError
+from stages.settings import CorpusSettings, Settings, load_settings
+
+
+@dataclass(frozen=True)
+class CorpusStage:
+    """One run of a stage of the labelling branch: the settings, the corpus's own, and where its artifacts lie."""
+
+    name: str
+    settings: Settings
+    corpus: CorpusSettings
+    folder: Path
+
+    def path(self, artifact: str) -> Path:
+        """Where an artifact of this corpus lies."""
+        return self.folder / artifact
+
+    def provenance(self, *inputs: Path, **params: Any) -> Provenance:
+        """Provenance of an artifact made from `inputs` with the settings `params`."""
+        return Provenance(
+            params={"corpus": self.name, **{key: plain(value) for key, value in params.items()}},
+            seed=self.settings.labelling.seed,
+            upstream={path.name: hash_file(path) for path in inputs},
+        )
+
+
+def plain(value: Any) -> Any:
+    """Settings as plain data, fit for JSON."""
+    return TypeAdapter(type(value)).dump_python(value, mode="json")
+
+
+def mirror_folder() -> Path | None:
+    """PREDPLAN_MIRROR, or ../shared/data beside the project where that exists."""
+    named = os.environ.get("PREDPLAN_MIRROR")
+    folder = Path(named) if named else Path(__file__).resolve().parents[2] / "shared" / "data"
+    return folder if named or folder.is_dir() else None
+
+
+def run_corpus_stage(work: Callable[[CorpusStage], None]) -> None:
+    """Entry point of a stage: `python -m stages.labelling.STAGE PARAMS CORPUS`; exit codes as the command line's."""
+    parser = argparse.ArgumentParser(description=sys.modules[work.__module__].__doc__)
+    parser.add_argument("params", type=Path, help="params.yaml, relative to the folder the stages run in")
+    parser.add_argument("corpus", help="name of a corpus under labelling.corpora")
+    arguments = parser.parse_args()
+    stage = Path(sys.argv[0]).stem
+    try:
+        settings = load_settings(arguments.params)
+        corpora: Mapping[str, CorpusSettings] = settings.labelling.corpora
+        if arguments.corpus not in corpora:
+            known = ", ".join(corpora)
+            raise InputError(f"{arguments.params}: labelling.corpora has no {arguments.corpus!r}; expected {known}")
+        folder = Path(settings.out) / "labelling" / arguments.corpus
+        work(CorpusStage(arguments.corpus, settings, corpora[arguments.corpus], folder))
+    except PredplanError as error:
+        print(f"stage {stage}@{arguments.corpus} failed: {error}", file=sys.stderr)
+        sys.exit(2 if isinstance(error, InputError) else 1)
