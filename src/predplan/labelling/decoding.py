@@ -9,10 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from predplan.errors import PredplanError
+from predplan.labelling.active_set import Floats, Integers, compiled
 
 
 @dataclass(frozen=True)
@@ -38,19 +37,24 @@ class ExpectedCounts:
     log_likelihood: float
 
 
-def posteriors(scores: Floats, offsets: NDArray[np.int64], transitions: Transitions) -> ExpectedCounts:
+def posteriors(scores: Floats, offsets: Integers, transitions: Transitions) -> ExpectedCounts:
     """Forward-backward: p(tag | sentence) a token, and the expected transitions. scores [tokens, K] >= 0.
 
     A token whose scores are all zero counts as carrying no evidence (a row of ones).
+    Raises PredplanError naming a sentence (from 0) that no sequence of tags with a positive product explains.
     """
     scaled = _scaled(scores)
     tags, start, between, stop, log_likelihood = _forward_backward(
         scaled, offsets, transitions.start, transitions.between, transitions.stop
     )
+    if not np.isfinite(log_likelihood):
+        token = int(np.argmax(~np.isfinite(tags).all(axis=1)))
+        sentence = int(np.searchsorted(offsets, token, side="right")) - 1
+        raise PredplanError(f"sentence {sentence}: the scores and the transitions leave no possible sequence of tags")
     return ExpectedCounts(tags, start, between, stop, log_likelihood)
 
 
-def viterbi(scores: Floats, offsets: NDArray[np.int64], transitions: Transitions) -> NDArray[np.int64]:
+def viterbi(scores: Floats, offsets: Integers, transitions: Transitions) -> Integers:
     """Most probable tag sequence of every sentence, as tag indices [tokens]; ties go to the lower index."""
     with np.errstate(divide="ignore"):
         logs = (np.log(_scaled(scores)), *map(np.log, (transitions.start, transitions.between, transitions.stop)))
@@ -62,8 +66,10 @@ def _scaled(scores: Floats) -> Floats:
     return np.where(top > 0, scores / np.where(top > 0, top, 1.0), 1.0)
 
 
-@njit(cache=True, nogil=True)
-def _forward_backward(scores, offsets, start, between, stop):  # type: ignore[no-untyped-def]
+@compiled
+def _forward_backward(
+    scores: Floats, offsets: Integers, start: Floats, between: Floats, stop: Floats
+) -> tuple[Floats, Floats, Floats, Floats, float]:
     tokens, states = scores.shape
     tags = np.empty((tokens, states))
     forward = np.empty((tokens, states))
@@ -116,8 +122,8 @@ def _forward_backward(scores, offsets, start, between, stop):  # type: ignore[no
     return tags, from_start, expected, to_stop, log_likelihood
 
 
-@njit(cache=True, nogil=True)
-def _viterbi(scores, offsets, start, between, stop):  # type: ignore[no-untyped-def]
+@compiled
+def _viterbi(scores: Floats, offsets: Integers, start: Floats, between: Floats, stop: Floats) -> Integers:
     tokens, states = scores.shape
     best = np.empty((tokens, states))
     came_from = np.empty((tokens, states), np.int64)
