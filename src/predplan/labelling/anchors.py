@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from predplan.errors import InputError
-from predplan.labelling.sentences import LabelledCorpus
 
 Floats = NDArray[np.float64]
 
@@ -32,27 +31,17 @@ class Anchors:
     thresholds: tuple[AnchorSettings, ...]
 
 
-def label_counts(corpus: LabelledCorpus, word_ids: Mapping[str, int], tags: Sequence[str]) -> Floats:
-    """How often each word of the vocabulary is labelled with each tag [V, K]."""
-    number = {tag: index for index, tag in enumerate(tags)}
-    counts = np.zeros((len(word_ids), len(tags)))
-    for words, sentence_tags in zip(corpus.words, corpus.tags, strict=True):
-        for word, tag in zip(words, sentence_tags, strict=True):
-            if tag is not None and word in word_ids:
-                counts[word_ids[word], number[tag]] += 1
-    return counts
-
-
-def dictionary_counts(
-    dictionary: Mapping[str, frozenset[str]], word_ids: Mapping[str, int], tags: Sequence[str]
+def tag_matrix(
+    counts: Mapping[str, Mapping[str, int]], word_ids: Mapping[str, int], tags: Sequence[str]
 ) -> Floats:
-    """One for each tag the dictionary allows a word of the vocabulary [V, K]."""
+    """Counts of tags by word as a matrix [V, K]; words outside the vocabulary are passed over."""
     number = {tag: index for index, tag in enumerate(tags)}
-    counts = np.zeros((len(word_ids), len(tags)))
-    for word, allowed in dictionary.items():
+    matrix = np.zeros((len(word_ids), len(tags)))
+    for word, of in counts.items():
         if word in word_ids:
-            counts[word_ids[word], [number[tag] for tag in allowed]] = 1
-    return counts
+            for tag, n in of.items():
+                matrix[word_ids[word], number[tag]] = n
+    return matrix
 
 
 def supervised_anchors(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -33,3 +34,13 @@ class TokenBatch:
     vocabulary: tuple[str, ...]
     ids: NDArray[np.int32]
     offsets: NDArray[np.int64]
+
+
+def label_counts(corpus: LabelledCorpus) -> dict[str, Counter[str]]:
+    """How often each labelled word has each tag; words without a tag are passed over."""
+    counts: defaultdict[str, Counter[str]] = defaultdict(Counter)
+    for words, tags in zip(corpus.words, corpus.tags, strict=True):
+        for word, tag in zip(words, tags, strict=True):
+            if tag is not None:
+                counts[word][tag] += 1
+    return dict(counts)
