@@ -31,9 +31,7 @@ class Anchors:
     thresholds: tuple[AnchorSettings, ...]
 
 
-def tag_matrix(
-    counts: Mapping[str, Mapping[str, int]], word_ids: Mapping[str, int], tags: Sequence[str]
-) -> Floats:
+def tag_matrix(counts: Mapping[str, Mapping[str, int]], word_ids: Mapping[str, int], tags: Sequence[str]) -> Floats:
     """Counts of tags by word as a matrix [V, K]; words outside the vocabulary are passed over."""
     number = {tag: index for index, tag in enumerate(tags)}
     matrix = np.zeros((len(word_ids), len(tags)))
@@ -83,9 +81,9 @@ def supervised_anchors(
 
 def _relaxing(settings: AnchorSettings) -> Iterator[AnchorSettings]:
     for purity in (settings.purity, min(settings.purity, 0.5), 0.0):
-        for divisor in (1, 5, 25, settings.raw_count):
-            for labelled in range(settings.labelled_count, 0, -1):
-                yield AnchorSettings(settings.most, max(purity, 1e-9), labelled, max(settings.raw_count // divisor, 1))
+        for raw in (settings.raw_count, settings.raw_count // 5, settings.raw_count // 25, 1):
+            for labelled in range(max(settings.labelled_count, 1), 0, -1):
+                yield AnchorSettings(settings.most, max(purity, 1e-9), labelled, max(raw, 1))
 
 
 def unsupervised_anchors(contexts: Floats, candidates: NDArray[np.bool_], number: int) -> NDArray[np.int64]:
@@ -104,7 +102,7 @@ def unsupervised_anchors(contexts: Floats, candidates: NDArray[np.bool_], number
     for place in range(number):
         others = chosen[:place] + chosen[place + 1 :]
         chosen[place] = _farthest(points, others)
-    return rows[np.array(chosen)]
+    return np.asarray(rows[np.array(chosen)])
 
 
 def _farthest(points: Floats, chosen: Sequence[int]) -> int:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from predplan.artifacts.files import write_whole
+from predplan.errors import InputError
 from predplan.labelling.sentences import TokenBatch
 
 EDGE = -1
@@ -82,7 +83,9 @@ def write_part(path: Path, ids: NDArray[np.int32], offsets: NDArray[np.int64]) -
 
 
 def merge_parts(parts: Sequence[Path], words: Sequence[str]) -> BigramCounts:
-    """Add up part files written for the global ids of `words`, out of core."""
+    """Add up part files written for the global ids of `words`, out of core. Raises InputError without any part."""
+    if not parts:
+        raise InputError("raw text: found no batch of sentences, expected at least one")
     with duckdb.connect(config={"memory_limit": MEMORY_LIMIT, "threads": 2}) as connection:
         pairs = connection.execute(
             "SELECT previous, next, sum(n)::BIGINT AS n FROM read_parquet($parts) GROUP BY ALL ORDER BY ALL",

@@ -26,7 +26,7 @@ def spelling_features(word: str) -> list[str]:
 
 
 def kind(word: str) -> str:
-    """The coarsest description: mention, hashtag, url, number, symbols, and for words the use of capitals and hyphens."""
+    """The coarsest description: mention, hashtag, url, number, symbols; for words their capitals and hyphens."""
     if len(word) > 1 and word[0] in "@#":
         return "mention" if word[0] == "@" else "hashtag"
     if word.startswith(("http://", "https://", "www.")):
@@ -50,7 +50,7 @@ def shape(word: str) -> str:
 
 def feature_matrix(names: Iterable[Sequence[str]], columns: Mapping[str, int]) -> sparse.csr_array:
     """Binary features [words, W]; names that have no column are passed over."""
-    indptr, indices = [0], []
+    indptr, indices = [0], list[int]()
     for row in names:
         indices.extend(column for name in row if (column := columns.get(name)) is not None)
         indptr.append(len(indices))

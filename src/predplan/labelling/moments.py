@@ -39,31 +39,36 @@ class ContextMoments:
     @property
     def context_probability(self) -> Floats:
         """q of Eq. 3.6 [2C], each side summing to one."""
-        return by_side(np.asarray(self.counts.sum(axis=0))[None])[0]
+        return np.asarray(by_side(np.asarray(self.counts.sum(axis=0))[None])[0])
 
 
 def context_moments(bigrams: BigramCounts, classes: SpellingClasses, least_count: int) -> ContextMoments:
-    """Contexts are the words seen at least `least_count` times, a class of spelling for each other word, and the edge."""
+    """Contexts are the words seen at least `least_count` times, a class of spelling for each other word, and the edge.
+
+    A class is named in angle brackets; a word of the text that looks the same is a context of its own.
+    """
     size = len(bigrams.vocabulary)
-    names: dict[str, int] = {}
+    names: dict[tuple[bool, str], int] = {}
     context = np.empty(size + 1, np.int64)
     for word_id, (word, count) in enumerate(zip(bigrams.vocabulary, bigrams.count.tolist(), strict=True)):
-        name = word if count >= least_count else f"<{classes.of(word)}>"
-        context[word_id] = names.setdefault(name, len(names))
-    context[size] = names.setdefault("<edge>", len(names))
+        common = count >= least_count
+        name = word if common else f"<{classes.of(word)}>"
+        context[word_id] = names.setdefault((common, name), len(names))
+    context[size] = names.setdefault((False, "<edge>"), len(names))
     group = sparse.csr_array((np.ones(size + 1), (np.arange(size + 1), context)), shape=(size + 1, len(names)))
     before = (bigrams.bigrams.T @ group)[:size]
     after = (bigrams.bigrams @ group)[:size]
     counts = sparse.csr_array(sparse.hstack([before, after]))
     counts.sort_indices()
-    return ContextMoments(bigrams.vocabulary, bigrams.count, tuple(names), counts)
+    return ContextMoments(bigrams.vocabulary, bigrams.count, tuple(name for _, name in names), counts)
 
 
 def by_side(counts: Floats) -> Floats:
     """Rows of counts [n, 2C] as two distributions each, of the previous and of the next word; empty sides are zero."""
     sides = counts.reshape(len(counts), 2, -1)
     totals = sides.sum(axis=2, keepdims=True)
-    return np.divide(sides, totals, out=np.zeros_like(sides), where=totals > 0).reshape(counts.shape)
+    shares: Floats = np.divide(sides, totals, out=np.zeros_like(sides), where=totals > 0)
+    return shares.reshape(counts.shape)
 
 
 def context_label_moments(moments: ContextMoments, anchors: NDArray[np.bool_], smoothing: float) -> Floats:
@@ -81,7 +86,7 @@ def canonical_vectors(moments: ContextMoments, dimension: int, seed: int) -> Flo
     left, values, _ = randomized_svd(whitened, min(dimension, min(whitened.shape) - 1), random_state=seed)
     vectors = left * values
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
+    return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0))
 
 
 def canonical_contexts(moments: ContextMoments, dimension: int, seed: int) -> Floats:
