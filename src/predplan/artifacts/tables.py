@@ -39,11 +39,12 @@ class Column:
 
 @dataclass(frozen=True)
 class TableSchema:
-    """A kind of table, the stage that makes it and its columns in order."""
+    """A kind of table, the stage that makes it, its columns in order, and what runs the stage."""
 
     name: str
     stage: str
     columns: tuple[Column, ...]
+    runner: str = "dvc repro"
 
     @property
     def arrow(self) -> pa.Schema:
@@ -164,4 +165,4 @@ def _broken(path: Path, schema: TableSchema, error: Exception) -> InputError:
 
 
 def _remedy(schema: TableSchema) -> str:
-    return f"make it again: dvc repro {schema.stage}"
+    return f"make it again: {schema.runner} {schema.stage}"
