@@ -1,3 +1,4 @@
+import logging
 import os
 import socket
 import time
@@ -54,9 +55,8 @@ def keep_first_waiting(item: int) -> int:
     return item
 
 
-@pytest.fixture(scope="module")
-def cluster() -> Iterator[LocalCluster]:
-    with LocalCluster(
+def two_processes() -> LocalCluster:
+    return LocalCluster(
         n_workers=2,
         threads_per_worker=1,
         processes=True,
@@ -64,7 +64,13 @@ def cluster() -> Iterator[LocalCluster]:
         host="127.0.0.1",
         dashboard_address="127.0.0.1:0",
         worker_dashboard_address="127.0.0.1:0",
-    ) as cluster:
+        silence_logs=logging.CRITICAL,
+    )
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[LocalCluster]:
+    with two_processes() as cluster:
         yield cluster
 
 
@@ -104,6 +110,12 @@ def test_a_lost_worker_is_said() -> None:
         list(run(die, range(2), workers=2))
 
 
+def test_a_cluster_that_loses_work_is_said() -> None:
+    with two_processes() as cluster, pytest.raises(PredplanError, match=r"the Dask cluster lost work: .*workers died"):
+        list(run(die, range(2), workers=1, scheduler=cluster.scheduler_address))
+
+
+@pytest.mark.filterwarnings("ignore:.*tasks have been successfully executed:UserWarning")
 @pytest.mark.parametrize("workers", [1, 2])
 def test_an_endless_generator_is_read_only_a_little_ahead(workers: int) -> None:
     taken = 0

@@ -20,7 +20,6 @@ from predplan.errors import InputError, PredplanError
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-CONNECT_TIMEOUT_S = 5
 # Results waiting for the caller, for each worker, before no further items are taken.
 WAITING_PER_WORKER = 8
 
@@ -80,31 +79,14 @@ def _backend(workers: int, scheduler: str | None) -> Iterator[int]:
         with parallel_config("loky", n_jobs=workers, inner_max_num_threads=1, mmap_mode="c"):
             yield workers
         return
-    with _dask_client(scheduler) as (client, cores), parallel_config("dask", client=client, n_jobs=-1):
-        yield cores
-
-
-@contextmanager
-def _dask_client(scheduler: str) -> Iterator[tuple[object, int]]:
-    """A client of the scheduler, and the number of its workers' threads."""
     try:
-        from distributed import Client
+        from predplan import cluster
     except ImportError as error:
         raise InputError(
             f"scheduler: found {scheduler!r}, which needs the extra: pip install 'predplan[dask]'"
         ) from error
-    try:
-        client = Client(scheduler, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"scheduler: no Dask scheduler answers at {scheduler!r} within {CONNECT_TIMEOUT_S} s; "
-            "expected tcp://host:port of one that runs (dask scheduler), or no scheduler at all"
-        ) from error
-    with client:
-        cores = sum(client.nthreads().values())
-        if cores == 0:
-            raise InputError(f"scheduler: the Dask scheduler at {scheduler!r} has no workers; start some (dask worker)")
-        yield client, cores
+    with cluster.connect(scheduler) as (backend, cores), parallel_config(backend, n_jobs=-1):
+        yield cores
 
 
 def _or_lost(results: Iterator[Result]) -> Iterator[Result]:
