@@ -22,7 +22,7 @@ from predplan.labelling.sentences import LabelledCorpus
 
 Floats = NDArray[np.float64]
 Description = Mapping[str, float]
-"""Features of one word with their values; values are never negative, since CRFsuite drops features that sum below zero."""
+"""Features of one word with their values, none negative: CRFsuite drops features that sum below zero."""
 
 OFFSETS = (-1, 0, 1)
 EDGE: Description = {"edge": 1.0}
@@ -78,7 +78,10 @@ def train_chain(
     tags: Sequence[str],
     settings: ChainSettings,
 ) -> ChainWeights:
-    """Fit to fully labelled sentences; descriptions[s][i] describes word i of sentence s."""
+    """Fit to every run of labelled words, seen among all words of its sentence; descriptions[s][i] describes word i.
+
+    A sentence without descriptions is passed over. Raises InputError where no labelled word is left.
+    """
     trainer = pycrfsuite.Trainer("lbfgs", verbose=False)
     trainer.set_params(
         {
@@ -88,10 +91,16 @@ def train_chain(
             "feature.possible_transitions": True,
         }
     )
-    for sentence, sentence_tags in zip(descriptions, corpus.tags, strict=True):
-        if None in sentence_tags:
-            raise InputError("the conditional random field needs every word of a sentence labelled; found one without")
-        trainer.append(pycrfsuite.ItemSequence(_windows(sentence)), list(sentence_tags))
+    runs = [
+        (windows[start:stop], sentence_tags[start:stop])
+        for sentence, sentence_tags in zip(descriptions, corpus.tags, strict=True)
+        for windows in [_windows(sentence)]
+        for start, stop in (labelled_runs(sentence_tags) if windows else ())
+    ]
+    if not runs:
+        raise InputError("the conditional random field: found no labelled word to train on, expected several sentences")
+    for windows, run_tags in runs:
+        trainer.append(pycrfsuite.ItemSequence(windows), list(run_tags))
     with tempfile.TemporaryDirectory() as folder:
         path = str(Path(folder) / "weights.crfsuite")
         trainer.train(path)
@@ -112,6 +121,12 @@ def train_chain(
     for (previous, following), weight in dumped.transitions.items():
         between[number[previous], number[following]] = np.exp(weight)
     return ChainWeights(columns, weights, Transitions(np.ones(len(tags)), between, np.ones(len(tags))))
+
+
+def labelled_runs(tags: Sequence[str | None]) -> list[tuple[int, int]]:
+    """Where each longest run of labelled words begins and ends."""
+    edges = np.flatnonzero(np.diff([0, *(tag is not None for tag in tags), 0]))
+    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
 
 
 def _windows(sentence: Sequence[Description]) -> list[dict[str, float]]:
