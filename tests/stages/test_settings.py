@@ -8,6 +8,7 @@ from stages.settings import Settings, load_settings
 
 GOOD = """\
 root: .
+params: params.yaml
 out: data
 workers: 2
 scheduler: null
@@ -15,7 +16,11 @@ labelling:
   corpora:
     brown:
       source: brown
+      sizes: [10]
+      curve: [10, 20]
+      draws: 1
 """
+KEYS = ", ".join(Settings.model_fields)
 
 
 @pytest.fixture
@@ -53,10 +58,11 @@ def test_a_scheduler_may_be_named(params: Path) -> None:
     [
         (
             "workers:",
-            "worker:",
-            ": worker: unknown key; did you mean 'workers'? allowed: root, out, workers, scheduler, labelling",
+            "worker: 2\nworkers:",
+            f": worker: unknown key; did you mean 'workers'? allowed: {KEYS}",
         ),
         ("source:", "zzz: 1\n      source:", ": labelling.corpora.brown.zzz: unknown key; allowed: "),
+        ("labelling:", "labelling:\n  training: {modl: hmm}", ": labelling.training.modl: unknown key; "),
         ("workers: 2", "workers: two", ': workers: found "two", must be a valid integer'),
         ("workers: 2", "workers: 2.5", ": workers: found 2.5, must be a valid integer"),
         ("workers: 2", "workers: '2'", ': workers: found "2", must be a valid integer'),
@@ -66,8 +72,8 @@ def test_a_scheduler_may_be_named(params: Path) -> None:
         ("out: data\n", "", ": out: missing"),
         ("null", "here", ': scheduler: found "here", must match pattern'),
         ("brown:", "Brown Corpus:", ': labelling.corpora.Brown Corpus: found "Brown Corpus", must match pattern'),
-        ("out: data", "out: data\nout: more", ', line 3: found duplicate key "out"'),
-        ("out: data", "out: [data", ", line 3: "),
+        ("out: data", "out: data\nout: more", ', line 4: found duplicate key "out"'),
+        ("out: data", "out: [data", ", line 4: "),
     ],
 )
 def test_a_fault_names_the_key_what_was_found_and_what_is_allowed(
@@ -82,6 +88,7 @@ def test_all_faults_are_listed_at_once(params: Path) -> None:
     assert [line.split(":")[0] for line in lines[1:]] == [
         "  workers",
         "  scheduler",
+        "  labelling.corpora.brown.source",
         "  labelling.corpora.brown.sorce",
     ]
 
