@@ -108,7 +108,7 @@ class AnchorTagger:
         style: Style = raw.style if isinstance(raw, RawText) else "spaces"
         labelled = normalise(labelled, style)
         supervision = Supervision(label_counts(labelled), _normalised_dictionary(dictionary or {}, style))
-        tags = tag_set(supervision)
+        tags = tag_set(supervision.labels, supervision.dictionary)
         if len(tags) < 2:
             raise InputError(f"labelled data: found {len(tags)} tags, expected at least two; a tag _ is no label")
         bigrams = raw if isinstance(raw, BigramCounts) else count_text(raw, labelled.words, workers)
@@ -217,9 +217,9 @@ class AnchorTagger:
             yield tokens
 
 
-def tag_set(supervision: Supervision) -> tuple[str, ...]:
-    """All tags of labels and dictionary: universal ones in their order, then the others by name."""
-    found = {tag for tags in (*supervision.labels.values(), *supervision.dictionary.values()) for tag in tags}
+def tag_set(*tags_by_word: Mapping[str, Iterable[str]]) -> tuple[str, ...]:
+    """All tags of some words: universal ones in their order, then the others by name."""
+    found = {tag for by_word in tags_by_word for tags in by_word.values() for tag in tags}
     known = [tag for tag in UNIVERSAL_TAGS if tag in found]
     return (*known, *sorted(found.difference(known)))
 
