@@ -120,6 +120,91 @@ COSTS = TableSchema(
     ),
 )
 
+SCORES = TableSchema(
+    "scores",
+    "evaluate",
+    (
+        _SUBSET,
+        _METHOD,
+        Column("accuracy", pa.float64(), "1", "share of the test words tagged right"),
+        Column("low", pa.float64(), "1", "lower end of the 95 % interval, sentences drawn anew"),
+        Column("high", pa.float64(), "1", "upper end of the 95 % interval, sentences drawn anew"),
+        Column("unknown_accuracy", pa.float64(), "1", "accuracy on words without label in the training set", True),
+        Column("sentence_accuracy", pa.float64(), "1", "share of the test sentences tagged right throughout"),
+        Column("tokens", pa.int64(), "words", "test words scored"),
+    ),
+)
+TAG_SCORES = TableSchema(
+    "tag_scores",
+    "evaluate",
+    (
+        _SUBSET,
+        _METHOD,
+        Column("tag", pa.string(), "1", "tag"),
+        Column("precision", pa.float64(), "1", "share of the words given this tag that have it"),
+        Column("recall", pa.float64(), "1", "share of the words that have this tag that are given it"),
+        Column("f1", pa.float64(), "1", "harmonic mean of precision and recall"),
+        Column("support", pa.int64(), "words", "test words that have this tag"),
+    ),
+)
+CONFUSION = TableSchema(
+    "confusion",
+    "evaluate",
+    (
+        _SUBSET,
+        _METHOD,
+        Column("gold", pa.string(), "1", "tag the word has"),
+        Column("predicted", pa.string(), "1", "tag the word was given"),
+        Column("n", pa.int64(), "words", "test words"),
+    ),
+)
+COMPARISONS = TableSchema(
+    "comparisons",
+    "evaluate",
+    (
+        _SUBSET,
+        Column("method", pa.string(), "1", "the method"),
+        Column("other", pa.string(), "1", "the method it is held against"),
+        Column("difference", pa.float64(), "1", "accuracy of the method less that of the other"),
+        Column("low", pa.float64(), "1", "lower end of its 95 % interval, sentences drawn anew"),
+        Column("high", pa.float64(), "1", "upper end of its 95 % interval"),
+        Column("mcnemar_p", pa.float64(), "1", "p-value of McNemar's test over words"),
+        Column("ks_p", pa.float64(), "1", "p-value of the thesis's Kolmogorov-Smirnov test over words"),
+    ),
+)
+TAGGED = TableSchema(
+    "tagged",
+    "evaluate",
+    (
+        _SUBSET,
+        _METHOD,
+        _WORDS,
+        Column("gold", pa.list_(pa.string()), "1", "tag each word has"),
+        Column("predicted", pa.list_(pa.string()), "1", "tag each word was given"),
+    ),
+)
+CURVE = TableSchema(
+    "curve",
+    "evaluate",
+    (
+        _METHOD,
+        Column("size", pa.int64(), "sentences", "labelled sentences"),
+        Column("draw", pa.int64(), "1", "seed of the draw"),
+        Column("accuracy", pa.float64(), "1", "share of the test words tagged right"),
+    ),
+)
+ABLATIONS = TableSchema(
+    "ablations",
+    "ablate",
+    (
+        _SUBSET,
+        Column("component", pa.string(), "1", "what was changed"),
+        Column("setting", pa.string(), "1", "its value"),
+        Column("default", pa.bool_(), "1", "whether this is the default"),
+        Column("dev_accuracy", pa.float64(), "1", "accuracy a word of the anchor HMM on the development sentences"),
+    ),
+)
+
 
 def write_corpus(path: Path, corpus: LabelledCorpus, provenance: Provenance) -> None:
     """Labelled sentences as a table."""
