@@ -18,7 +18,7 @@ SIZES = (32, 128, 512)
 BATCH = 4096
 
 
-def learn_clusters(raw: RawStatistics, sizes: Sequence[int] = SIZES, least_count: int = 10, seed: int = 0) -> Clusters:
+def learn_clusters(raw: RawStatistics, sizes: Sequence[int] = SIZES, least_count: int = 2, seed: int = 0) -> Clusters:
     """Clusters of words of at least `least_count` occurrences by k-means over their canonical vectors.
 
     One clustering for each of `sizes`, independent of the others (fine clusters need not lie within coarse ones);
