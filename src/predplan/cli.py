@@ -6,13 +6,14 @@ Commands import what they need when they run, so that help appears at once.
 from __future__ import annotations
 
 import contextlib
+import io
 import logging
 import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 from cyclopts import App, CycloptsError, Parameter
 
@@ -133,9 +134,8 @@ def tag(
 
     tagger = AnchorTagger.load(model)
     name = "standard input" if file == "-" else file
-    with _open_lines(file) as lines:
-        for text in tag_lines(tagger.predict, lines, name):
-            sys.stdout.buffer.write(text.encode())
+    for text in tag_lines(tagger.predict, _lines(file), name):
+        sys.stdout.buffer.write(text.encode())
 
 
 @label.command
@@ -193,16 +193,16 @@ def _failed(error: Exception, code: int) -> int:
     return code
 
 
-@contextmanager
-def _open_lines(file: str) -> Iterator[IO[bytes]]:
+def _lines(file: str) -> Iterator[bytes]:
+    """The lines of a plain or compressed file, or of standard input for -."""
     from predplan.labelling.readers import open_bytes
 
     if file == "-":
-        yield sys.stdin.buffer
+        yield from sys.stdin.buffer
         return
     with open_bytes(file) as stream:
         try:
-            yield stream
+            yield from io.BufferedReader(cast(io.RawIOBase, stream))
         except OSError as error:
             raise InputError(f"{file}: cannot be read ({error}); is it cut short?") from error
 

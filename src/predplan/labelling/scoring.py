@@ -27,9 +27,11 @@ def score_predictions(predicted: Path, gold: Path) -> Scores:
     tags = tag_set(label_counts(corpus), label_counts(guesses))
     known = {word for words in corpus.words for word in words}
     try:
-        return score(corpus, _complete(guesses, predicted), known, tags)
+        scores = score(corpus, _complete(guesses), known, tags)
+        _check_words(guesses, corpus)
     except InputError as error:
         raise InputError(f"{predicted} against {gold}: {error}") from error
+    return scores
 
 
 def as_plain_data(scores: Scores) -> dict[str, Any]:
@@ -50,10 +52,16 @@ def as_plain_data(scores: Scores) -> dict[str, Any]:
     }
 
 
-def _complete(guesses: LabelledCorpus, path: Path) -> list[list[str]]:
+def _complete(guesses: LabelledCorpus) -> list[list[str]]:
     """The predicted tags, every one of them."""
-    tags = [[tag for tag in of if tag is not None] for of in guesses.tags]
-    for place, (kept, words) in enumerate(zip(tags, guesses.words, strict=True), 1):
-        if len(kept) != len(words):
-            raise InputError(f"{path}: sentence {place} has a word without a tag, expected one for each")
-    return tags
+    for place, (words, tags) in enumerate(zip(guesses.words, guesses.tags, strict=True), 1):
+        if None in tags:
+            raise InputError(f"sentence {place}: the word {words[tags.index(None)]!r} is predicted without a tag")
+    return [[tag for tag in tags if tag is not None] for tags in guesses.tags]
+
+
+def _check_words(guesses: LabelledCorpus, gold: LabelledCorpus) -> None:
+    for place, (found, expected) in enumerate(zip(guesses.words, gold.words, strict=True), 1):
+        for word, other in zip(found, expected, strict=True):
+            if word != other:
+                raise InputError(f"sentence {place}: found the predicted word {word!r}, expected {other!r}")

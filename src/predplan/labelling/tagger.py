@@ -90,6 +90,7 @@ class AnchorTagger:
         if seed < 0:
             raise InputError(f"seed: found {seed}, expected a whole number, not negative")
         self.model, self.loss, self.lam, self.seed, self.settings = model, loss, lam, seed, settings
+        self._trained: TrainedTagger | None = None
 
     def fit(
         self,
@@ -150,7 +151,7 @@ class AnchorTagger:
 
     def predict(self, sentences: Iterable[Sequence[str]]) -> list[list[str]]:
         """The tag of each word: of the fewest expected errors."""
-        names = np.array(self.tags_, object)
+        names = np.array(self._fitted().tags, object)
         return [
             names[tags].tolist()
             for tokens in self._batches(sentences)
@@ -173,12 +174,12 @@ class AnchorTagger:
         """All scores on a corpus. Raises InputError for a tag that the tagger does not know."""
         from predplan.labelling.evaluation import score  # draws in scipy.stats, which tagging need not wait for
 
-        normal = normalise(corpus, self._trained.style)
+        normal = normalise(corpus, self._fitted().style)
         return score(normal, self.predict(normal.words), self.known_words_, self.tags_)
 
     def save(self, folder: Path | str) -> None:
         """Write the model's folder, in place of a predplan model that may be there; see storage.py."""
-        storage.save(self._trained, Path(folder))
+        storage.save(self._fitted(), Path(folder))
 
     @classmethod
     def load(cls, folder: Path | str) -> AnchorTagger:
@@ -190,6 +191,11 @@ class AnchorTagger:
         )
         tagger._take(trained)
         return tagger
+
+    def _fitted(self) -> TrainedTagger:
+        if self._trained is None:
+            raise InputError("the tagger is not trained: call fit, or load a saved one")
+        return self._trained
 
     def _settings(self) -> TrainingSettings:
         given = self.settings or TrainingSettings()
@@ -207,12 +213,11 @@ class AnchorTagger:
         self.known_words_, self.settings_ = frozenset(trained.labels), trained.settings
 
     def _batches(self, sentences: Iterable[Sequence[str]]) -> Iterator[Tokens]:
-        if not hasattr(self, "_trained"):
-            raise InputError("the tagger is not trained: call fit, or load a saved one")
+        style = self._fitted().style
         remaining = iter(sentences)
         while batch := tuple(tuple(words) for words in islice(remaining, SENTENCES_AT_ONCE)):
             tokens = Tokens.of(batch)
-            if self._trained.style == "tweets":
+            if style == "tweets":
                 tokens = replace(tokens, words=tuple(map(tweets.normalise, tokens.words)))
             yield tokens
 
