@@ -10,7 +10,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import duckdb
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -86,6 +85,8 @@ def merge_parts(parts: Sequence[Path], words: Sequence[str]) -> BigramCounts:
     """Add up part files written for the global ids of `words`, out of core. Raises InputError without any part."""
     if not parts:
         raise InputError("raw text: found no batch of sentences, expected at least one")
+    import duckdb  # not needed where a model is only used
+
     with duckdb.connect(config={"memory_limit": MEMORY_LIMIT, "threads": 2}) as connection:
         pairs = connection.execute(
             "SELECT previous, next, sum(n)::BIGINT AS n FROM read_parquet($parts) GROUP BY ALL ORDER BY ALL",

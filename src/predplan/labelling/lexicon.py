@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from sklearn.linear_model import LogisticRegression
 from threadpoolctl import threadpool_limits
 
 from predplan.errors import InputError
@@ -74,6 +73,8 @@ def fit_classifier(
 
     Raises InputError where fewer than two tags are labelled.
     """
+    from sklearn.linear_model import LogisticRegression  # seconds to import, and tagging needs none of it
+
     examples = [(word, tag, n / sum(of.values())) for word, of in labels.items() for tag, n in of.items()]
     if len({tag for _, tag, _ in examples}) < 2:
         raise InputError(f"labelled data: found {len(labels)} labelled words of one tag, expected at least two tags")
@@ -112,8 +113,8 @@ class Lexicon:
         """p(tag | word) [words, K]."""
         ids = np.fromiter((self.word_ids.get(word, -1) for word in words), np.int64, len(words))
         found = np.where(ids[:, None] >= 0, self.probabilities[ids], 0.0)
-        unknown = np.flatnonzero(ids < 0)
-        if len(unknown):
+        unknown = np.flatnonzero(ids < 0).tolist()
+        if unknown:
             found[unknown] = self.classifier.probabilities([words[i] for i in unknown], NO_EVIDENCE)
         return found
 
