@@ -14,6 +14,7 @@ from scipy import sparse
 
 from predplan.labelling.counting import BigramCounts
 from predplan.labelling.features import SpellingClasses
+from predplan.labelling.subspace import right_singular_vectors
 
 Floats = NDArray[np.float64]
 
@@ -81,8 +82,8 @@ def context_label_moments(moments: ContextMoments, anchors: NDArray[np.bool_], s
 
 def canonical_vectors(moments: ContextMoments, dimension: int, seed: int) -> Floats:
     """Words as unit vectors [V, dimension] of a canonical correlation analysis with their contexts (section 3.5)."""
-    left, values, _ = _singular_vectors(_whitened(moments), dimension, seed)
-    vectors = left * values
+    whitened = _whitened(moments)
+    vectors = np.asarray(whitened @ right_singular_vectors(whitened, dimension, np.random.default_rng(seed)))
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0))
 
@@ -90,15 +91,8 @@ def canonical_vectors(moments: ContextMoments, dimension: int, seed: int) -> Flo
 def canonical_contexts(moments: ContextMoments, dimension: int, seed: int) -> Floats:
     """The projection P_C [2C, dimension] of contexts by the same analysis, scaled to act on counts (section 3.5)."""
     totals = np.asarray(moments.counts.sum(axis=0)).ravel()
-    _, _, right = _singular_vectors(_whitened(moments), dimension, seed)
-    return np.asarray(right.T * _inverse_root(totals)[:, None])
-
-
-def _singular_vectors(whitened: sparse.csr_array, dimension: int, seed: int) -> tuple[Floats, Floats, Floats]:
-    from sklearn.utils.extmath import randomized_svd  # seconds to import, and tagging needs none of it
-
-    left, values, right = randomized_svd(whitened, min(dimension, min(whitened.shape) - 1), random_state=seed)
-    return left, values, right
+    right = right_singular_vectors(_whitened(moments), dimension, np.random.default_rng(seed))
+    return np.asarray(right * _inverse_root(totals)[:, None])
 
 
 def _whitened(moments: ContextMoments) -> sparse.csr_array:
