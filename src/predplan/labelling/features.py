@@ -12,6 +12,7 @@ import numpy as np
 from scipy import sparse
 
 LONGEST_AFFIX = 4
+_SMALL = re.compile("[a-z]+")
 _REPEATED = re.compile(r"(.)\1+")
 
 
@@ -21,7 +22,8 @@ def spelling_features(word: str) -> list[str]:
     names = ["bias", f"kind={kind(word)}", f"shape={shape(word)}", f"length={min(len(word), 8)}"]
     names += [f"suffix={lower[-n:]}" for n in range(1, LONGEST_AFFIX + 1) if len(lower) >= n]
     names += [f"prefix={lower[:n]}" for n in range(1, LONGEST_AFFIX) if len(lower) >= n]
-    names += [f"unicode={category}" for category in sorted(set(map(unicodedata.category, word)))]
+    categories = {"Ll"} if _SMALL.fullmatch(word) else set(map(unicodedata.category, word))
+    names += [f"unicode={category}" for category in sorted(categories)]
     return names
 
 
@@ -31,6 +33,8 @@ def kind(word: str) -> str:
         return "mention" if word[0] == "@" else "hashtag"
     if word.startswith(("http://", "https://", "www.")):
         return "url"
+    if word.isalpha():
+        return _case(word)
     letters = any(character.isalpha() for character in word)
     if any(character.isdigit() for character in word):
         return "mixed" if letters else "number"
@@ -38,12 +42,17 @@ def kind(word: str) -> str:
         return "symbol" if len(word) == 1 else "symbols"
     inner = word[1:-1]
     link = "-" if "-" in inner else "'" if "'" in inner or "’" in inner else ""
-    case = "upper" if len(word) > 1 and word.isupper() else "title" if word[0].isupper() else "lower"
-    return case + link
+    return _case(word) + link
+
+
+def _case(word: str) -> str:
+    return "upper" if len(word) > 1 and word.isupper() else "title" if word[0].isupper() else "lower"
 
 
 def shape(word: str) -> str:
     """Runs of capitals, small letters and digits as A, a and 0, other characters as they are: `Covid-19` is `Aa-0`."""
+    if _SMALL.fullmatch(word):
+        return "a"
     classes = ("A" if c.isupper() else "a" if c.islower() else "0" if c.isdigit() else c for c in word)
     return _REPEATED.sub(r"\1", "".join(classes))[:8]
 
