@@ -1,0 +1,51 @@
+"""One colour a method, in every figure and every recording; readable with any colour vision, on light and on dark.
+
+Hues are Okabe and Ito's (2008), whose neighbours stay apart for red-green and blue-yellow blindness; shades of one hue
+are variants of one idea. No figure tells methods apart by colour alone: lines carry their names.
+"""
+
+from __future__ import annotations
+
+GREY, LIGHT_GREY, SLATE = "#8c8c8c", "#a6a6a6", "#6f7f96"
+ORANGE, AMBER = "#e69f00", "#c48a12"
+GREEN, DEEP_GREEN = "#12a37a", "#0e8a68"
+BLUE, SKY, DEEP_BLUE = "#3b9ede", "#7cc0ea", "#1f72b8"
+VERMILLION, ROSE = "#d55e00", "#cc79a7"
+
+METHOD_COLOURS = {
+    "supervised-addone": LIGHT_GREY,
+    "supervised": GREY,
+    "supervised-fhmm": SLATE,
+    "em": ORANGE,
+    "em-fhmm": AMBER,
+    "self-training": GREEN,
+    "self-training-fhmm": DEEP_GREEN,
+    "anchor-lambda0": SKY,
+    "anchor-lambda1": SKY,
+    "anchor-kl-lambda0": SKY,
+    "anchor-kl-lambda1": SKY,
+    "anchor-fhmm-lambda0": DEEP_BLUE,
+    "anchor-fhmm-lambda1": DEEP_BLUE,
+    "anchor-composite-lambda0": DEEP_BLUE,
+    "anchor-composite-lambda1": DEEP_BLUE,
+    "anchor": BLUE,
+    "anchor-fhmm": DEEP_BLUE,
+    "crf": ROSE,
+    "crf-clusters": ROSE,
+    "crf-all": ROSE,
+    "crf-all-clusters": ROSE,
+    "crf-posteriors": VERMILLION,
+    "crf-clusters-posteriors": VERMILLION,
+    "crf-all-posteriors": VERMILLION,
+    "crf-all-clusters-posteriors": VERMILLION,
+}
+
+MISTAKE = VERMILLION
+"""A wrong tag, a wrong turn."""
+RIGHT = GREEN
+"""A right tag; only beside MISTAKE, and never without a sign of its own."""
+
+
+def colour_of(method: str) -> str:
+    """The colour of a method; grey for one that has none."""
+    return METHOD_COLOURS.get(method, GREY)

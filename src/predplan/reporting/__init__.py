@@ -1,0 +1,1 @@
+"""Reports: from tables to figures, Markdown and one page of HTML; pure functions that know no files."""

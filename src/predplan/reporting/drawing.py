@@ -1,0 +1,116 @@
+"""How every figure looks: a drawing becomes an SVG with the same bytes each time that is readable by day and by night.
+
+Ink is drawn in two stand-in colours that the SVG's own style sheet then sets, so that one file suits a light and a dark
+page; text stays text. Lines carry their names at their ends.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Canvas
+
+INK, GRID = "#010203", "#040506"
+WIDTH_IN = 6.2
+_STYLE = """<style>
+ svg.drawing{--ink:#20252b;--grid:#d9dde1;background:#fff}
+ @media (prefers-color-scheme:dark){svg.drawing{--ink:#e2e6ea;--grid:#3c434b;background:#15191e}}
+</style>"""
+_LOOK = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "predplan",
+    "font.family": "DejaVu Sans",
+    "font.size": 9,
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": INK,
+    "axes.linewidth": 0.6,
+    "axes.facecolor": "none",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": GRID,
+    "grid.linewidth": 0.6,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "xtick.minor.size": 0,
+    "ytick.minor.size": 0,
+    "figure.facecolor": "none",
+}
+
+
+@contextmanager
+def drawing_look() -> Iterator[None]:
+    """Within it, figures are made and turned into SVG with our look."""
+    with rc_context(_LOOK):
+        yield
+
+
+def new_canvas(height_in: float, width_in: float = WIDTH_IN) -> Canvas:
+    """An empty figure, laid out so that nothing overlaps."""
+    return Canvas(figsize=(width_in, height_in), layout="constrained")
+
+
+def to_svg(canvas: Canvas) -> str:
+    """The figure as an SVG document without dates, paths of the machine or fonts."""
+    buffer = io.StringIO()
+    canvas.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    svg = re.sub(r"<metadata>.*?</metadata>", "", buffer.getvalue(), flags=re.DOTALL)
+    svg = svg.replace(INK, "var(--ink)").replace(GRID, "var(--grid)")
+    svg = re.sub(r"'DejaVu Sans'(, [^;\"]*?)?(?=[;\"])", "system-ui, 'Helvetica Neue', Arial, sans-serif", svg)
+    return re.sub(r"<svg ([^>]*)>", rf'<svg class="drawing" \1>{_STYLE}', svg, count=1)
+
+
+def inlined(svg: str) -> str:
+    """The SVG as an element of an HTML page, which sets the colours of ink itself."""
+    return svg[svg.index("<svg ") :].replace(_STYLE, "").rstrip()
+
+
+def label_ends(axes: Axes, ends: Sequence[tuple[float, float, str, str]], gap_points: float = 11.5) -> None:
+    """Names of lines to the right of their ends (x, y, name, colour), moved up or down until none overlap."""
+    if not ends:
+        return
+    order = sorted(range(len(ends)), key=lambda index: (ends[index][1], index))
+    low, high = axes.get_ylim()
+    # Constrained layout has not run yet; axes take about .82 of the figure's height.
+    gap = gap_points / 72 / (axes.figure.get_figheight() * 0.82) * (high - low)
+    places = spread_out(np.array([ends[index][1] for index in order]), gap)
+    right = max(x for x, *_ in ends)
+    for place, index in zip(places.tolist(), order, strict=True):
+        x, y, name, colour = ends[index]
+        axes.annotate(
+            name,
+            xy=(x, y),
+            xytext=(right, place),
+            textcoords=axes.transData + _shift(axes, 14),
+            color=colour,
+            va="center",
+            annotation_clip=False,
+            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.6, "shrinkA": 1, "shrinkB": 3},
+        )
+
+
+def spread_out(values: np.ndarray, gap: float) -> np.ndarray:
+    """Places at least `gap` apart, in the order of the rising `values`, at the least squared distance from them."""
+    # Less their ideal spacing, places need only not fall: that is an isotonic regression, by pooling neighbours.
+    target = values - gap * np.arange(len(values))
+    pools: list[list[float]] = []
+    for value in target.tolist():
+        pools.append([value])
+        while len(pools) > 1 and np.mean(pools[-2]) > np.mean(pools[-1]):
+            pools[-2:] = [pools[-2] + pools[-1]]
+    level = np.concatenate([np.full(len(pool), np.mean(pool)) for pool in pools])
+    return np.asarray(level + gap * np.arange(len(values)))
+
+
+def _shift(axes: Axes, points: float) -> object:
+    from matplotlib.transforms import ScaledTranslation
+
+    return ScaledTranslation(points / 72, 0, axes.figure.dpi_scale_trans)

@@ -1,0 +1,298 @@
+"""Tables 3.1 to 3.4, training times and tests, as tables of a report."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+
+from predplan.labelling.methods import METHODS
+from predplan.reporting.document import Cell, Table
+from predplan.reporting.labelling.results import CorpusResults, Summary, size_of, summarise, summary
+from predplan.reporting.labelling.thesis import TABLE_3_1, TABLE_3_2, TABLE_3_3, TABLE_3_4, TRAINING_HOURS
+
+MISSING = "-"
+Published = Mapping[str, Mapping[int, float]]
+
+ROWS_3_1: tuple[tuple[str, str | None, str | None], ...] = (
+    ("Supervised", None, None),
+    ("add-one for unknown words", "supervised-addone", None),
+    ("unknown words judged by spelling", "supervised", "supervised-fhmm"),
+    ("Semi-supervised", None, None),
+    ("EM", "em", "em-fhmm"),
+    ("self-training", "self-training", "self-training-fhmm"),
+    ("Anchors, after the thesis", None, None),
+    ("least squares, λ = 0", "anchor-lambda0", None),
+    ("least squares, λ = 1", "anchor-lambda1", None),
+    ("KL, λ = 0", "anchor-kl-lambda0", "anchor-fhmm-lambda0"),
+    ("KL, λ = 1", "anchor-kl-lambda1", "anchor-fhmm-lambda1"),
+    ("Anchors, ours", None, None),
+    ("calibrated on the labels", "anchor", "anchor-fhmm"),
+)
+ROWS_3_2 = (
+    ("counts (ML), λ = 1", "anchor-fhmm-lambda1"),
+    ("composite likelihood (CL), λ = 1", "anchor-composite-lambda1"),
+    ("composite likelihood (CL), λ = 0", "anchor-composite-lambda0"),
+    ("counts, ours", "anchor-fhmm"),
+)
+ROWS_3_3 = (
+    ("same features", "crf"),
+    ("same + posteriors", "crf-posteriors"),
+    ("same + clusters", "crf-clusters"),
+    ("same + clusters + posteriors", "crf-clusters-posteriors"),
+    ("all features", "crf-all"),
+    ("all + posteriors", "crf-all-posteriors"),
+    ("all + clusters", "crf-all-clusters"),
+    ("all + clusters + posteriors", "crf-all-clusters-posteriors"),
+)
+ROWS_3_4 = (
+    "supervised-fhmm",
+    "em-fhmm",
+    "self-training-fhmm",
+    "anchor-fhmm-lambda1",
+    "anchor",
+    "anchor-fhmm",
+    "crf",
+    "crf-posteriors",
+    "crf-clusters-posteriors",
+)
+HEADLINE = (
+    "supervised",
+    "em",
+    "self-training",
+    "crf",
+    "anchor",
+    "anchor-fhmm",
+    "crf-posteriors",
+    "crf-clusters-posteriors",
+)
+
+READING = "Accuracy per test word, %: mean over the draws of the training set, in brackets the least and greatest draw"
+
+
+def headline_table(corpora: Sequence[CorpusResults]) -> Table:
+    """The methods a user would choose among, a row for each corpus and size."""
+    rows = []
+    for corpus in corpora:
+        found = summarise(corpus.scores, "accuracy", 100)
+        for size in corpus.sizes:
+            cells = _row([found.get((method, size)) for method in HEADLINE], spread=False)
+            rows.append((f"{corpus.title}, {size}", *cells))
+    return Table(
+        ("Corpus, labelled sentences", *(METHODS[method].label for method in HEADLINE)),
+        tuple(rows),
+        "Accuracy per test word, %, mean over draws of the training set. The best of each row stands out.",
+    )
+
+
+def table_3_1(corpus: CorpusResults) -> Table:
+    """Table 3.1: baselines and anchor models, HMM and FHMM."""
+    found = summarise(corpus.scores, "accuracy", 100)
+    published = TABLE_3_1 if corpus.source == "twitter" else {}
+    columns = [(side, size) for side in (1, 2) for size in corpus.sizes]
+    best = {
+        (side, size): max((_mean(found, (row[side], size)) for row in ROWS_3_1 if row[side]), default=0.0)
+        for side, size in columns
+    }
+    rows: list[tuple[str | Cell, ...]] = []
+    for row in ROWS_3_1:
+        if row[1] is row[2] is None:
+            rows.append((row[0],))
+            continue
+        cells = []
+        for side, size in columns:
+            method = str(row[side])
+            cells.append(_cell(found.get((method, size)), published.get(method, {}).get(size), best[side, size]))
+        rows.append((row[0], *cells))
+    names = {1: "HMM", 2: "FHMM"}
+    return Table(
+        ("Method", *(f"{names[side]}, {size}" for side, size in columns)),
+        tuple(rows),
+        f"Table 3.1 on {corpus.title}: models, labelled sentences. {_reading(bool(published))}",
+    )
+
+
+def table_3_2(corpus: CorpusResults) -> Table:
+    """Table 3.2: transitions by counts and by composite likelihood."""
+    return _by_size(corpus, "Table 3.2", "transitions of the anchor FHMM", ROWS_3_2, TABLE_3_2)
+
+
+def table_3_3(corpus: CorpusResults) -> Table:
+    """Table 3.3: stacked taggers."""
+    return _by_size(corpus, "Table 3.3", "CRF with further features (in the thesis a MEMM)", ROWS_3_3, TABLE_3_3)
+
+
+def table_3_4(corpora: Sequence[CorpusResults]) -> Table:
+    """Table 3.4: every corpus with all its labelled sentences; the thesis has Malagasy."""
+    found = [summarise(corpus.scores, "accuracy", 100) for corpus in corpora]
+    best = [
+        max((_mean(each, (m, c.sizes[-1])) for m in ROWS_3_4), default=0.0)
+        for c, each in zip(corpora, found, strict=True)
+    ]
+    rows = []
+    for method in ROWS_3_4:
+        cells = []
+        for corpus, each, top in zip(corpora, found, best, strict=True):
+            published = TABLE_3_4.get(method, {}) if corpus.source == "malagasy" else {}
+            number = published.get("malagasy with dictionary" if corpus.dictionary else "malagasy")
+            cells.append(_cell(each.get((method, corpus.sizes[-1])), number, top))
+        rows.append((METHODS[method].label, *cells))
+    return Table(
+        ("Method", *(f"{corpus.title}, {corpus.sizes[-1]}" for corpus in corpora)),
+        tuple(rows),
+        "Table 3.4, here for every corpus with the largest training set, its size beside the name. "
+        + _reading(any(corpus.source == "malagasy" for corpus in corpora)),
+    )
+
+
+def time_table(corpus: CorpusResults) -> Table:
+    """Training times beside the thesis's, and as multiples of the anchor HMM's."""
+    found = summarise(corpus.costs, "training_s")
+    rows = []
+    for method in METHODS:
+        if not any((method, size) in found for size in corpus.sizes):
+            continue
+        cells: list[str | Cell] = [METHODS[method].label]
+        for size in corpus.sizes:
+            time, anchor = found.get((method, size)), found.get(("anchor", size))
+            cells.append(MISSING if time is None else seconds(time.mean))
+            cells.append(MISSING if time is None or anchor is None else f"{time.mean / anchor.mean:.2g} ×")
+        hours = TRAINING_HOURS.get(method) if corpus.source == "twitter" else None
+        rows.append((*cells, MISSING if hours is None else f"{hours} h"))
+    header = [name for size in corpus.sizes for name in (f"{size}: time", f"{size}: to anchor HMM")]
+    return Table(
+        ("Method", *header, "thesis"),
+        tuple(rows),
+        f"Wall time of training on {corpus.title}, mean over draws, all in one run on one machine; tokenising and "
+        "counting the raw text, which all but the supervised ones need once, are left out. Beside each, how many times "
+        "as long as the anchor HMM took. Thesis: 2.7 million tweets on its machine.",
+    )
+
+
+def comparison_table(corpus: CorpusResults) -> Table:
+    """Differences with intervals and tests, over the draws of each size."""
+    groups: defaultdict[tuple[int, str, str], list[Mapping[str, float]]] = defaultdict(list)
+    for row in corpus.comparisons:
+        groups[size_of(row["subset"]), row["method"], row["other"]].append(row)
+    rows: list[tuple[str | Cell, ...]] = []
+    last = 0
+    for (size, method, other), drawn in sorted(groups.items(), key=lambda item: item[0][0]):
+        if size != last:
+            rows.append((f"{size} labelled sentences",))
+            last = size
+        mean = summary(row["difference"] for row in drawn).mean
+        clear = sum(row["low"] > 0 or row["high"] < 0 for row in drawn)
+        interval = f"{100 * min(r['low'] for r in drawn):+.1f} to {100 * max(r['high'] for r in drawn):+.1f}"
+        rows.append(
+            (
+                f"{METHODS[method].label} - {METHODS[other].label}",
+                f"{100 * mean:+.1f}",
+                interval,
+                f"{clear} of {len(drawn)}",
+                probability(max(row["mcnemar_p"] for row in drawn)),
+                probability(max(row["ks_p"] for row in drawn)),
+            )
+        )
+    return Table(
+        ("Pair", "Difference", "95 % intervals", "Clear draws", "McNemar p", "KS p"),
+        tuple(rows),
+        f"Differences of accuracy on {corpus.title}, points: the mean over draws; the hull of their 95 % bootstrap "
+        "intervals (test sentences drawn anew 1,000 times); in how many draws the interval leaves out zero; and the "
+        "largest p-value over draws of McNemar's test and of the thesis's Kolmogorov-Smirnov test. p-values are not "
+        "corrected for the number of pairs.",
+    )
+
+
+def chosen_table(corpus: CorpusResults) -> Table:
+    """What was chosen on the development sentences."""
+    drawn: defaultdict[tuple[str, int], dict[str, None]] = defaultdict(dict)
+    for row in corpus.costs:
+        drawn[row["method"], size_of(row["subset"])][row["chosen"] or MISSING] = None
+    dev = summarise(corpus.costs, "dev_accuracy", 100)
+    rows = []
+    for method in METHODS:
+        for size in corpus.sizes:
+            if (method, size) in dev:
+                choices = " | ".join(drawn[method, size])
+                rows.append((METHODS[method].label, str(size), f"{dev[method, size].mean:.1f}", choices))
+    return Table(
+        ("Method", "Labelled", "Dev accuracy, %", "Chosen"),
+        tuple(rows),
+        f"What was chosen on the development sentences of {corpus.title}; where draws differ, each choice.",
+    )
+
+
+def ablation_table(corpus: CorpusResults) -> Table:
+    """Accuracy on dev with one thing changed at a time."""
+    found: defaultdict[tuple[str, str, bool], defaultdict[int, list[float]]] = defaultdict(lambda: defaultdict(list))
+    for row in corpus.ablations:
+        found[row["component"], row["setting"], row["default"]][size_of(row["subset"])].append(
+            100 * row["dev_accuracy"]
+        )
+    sizes = sorted({size for each in found.values() for size in each})
+    rows: list[tuple[str | Cell, ...]] = []
+    last = ""
+    for (component, setting, default), by_size in found.items():
+        if component != last:
+            rows.append((component,))
+            last = component
+        cells = [_cell(summary(by_size[size]) if size in by_size else None, None, 0.0) for size in sizes]
+        rows.append((f"{setting} (default)" if default else setting, *cells))
+    return Table(
+        ("Setting", *map(str, sizes)),
+        tuple(rows),
+        f"Accuracy of the anchor HMM on the development sentences of {corpus.title}, %, with one thing changed at a "
+        "time, by labelled sentences: mean over draws, in brackets their range.",
+    )
+
+
+def seconds(time_s: float) -> str:
+    """A time in s with two digits."""
+    return f"{time_s:.2g} s" if time_s < 10 else f"{time_s:,.0f} s"
+
+
+def probability(p: float) -> str:
+    """A p-value, not below what it means."""
+    return "< .001" if p < 0.001 else f"{p:.3f}".removeprefix("0")
+
+
+def _by_size(
+    corpus: CorpusResults, name: str, what: str, methods: Sequence[tuple[str, str]], numbers: Published
+) -> Table:
+    found = summarise(corpus.scores, "accuracy", 100)
+    published = numbers if corpus.source == "twitter" else {}
+    best = {size: max(_mean(found, (method, size)) for _, method in methods) for size in corpus.sizes}
+    rows = []
+    for label, method in methods:
+        cells = [
+            _cell(found.get((method, size)), published.get(method, {}).get(size), best[size]) for size in corpus.sizes
+        ]
+        rows.append((label, *cells))
+    return Table(
+        ("Method", *(f"{size} labelled" for size in corpus.sizes)),
+        tuple(rows),
+        f"{name} on {corpus.title}: {what}. {_reading(bool(published))}",
+    )
+
+
+def _row(values: Sequence[Summary | None], spread: bool) -> list[Cell]:
+    best = max((value.mean for value in values if value), default=0.0)
+    cells = [_cell(value, None, best) for value in values]
+    return cells if spread else [Cell(cell.value, best=cell.best) for cell in cells]
+
+
+def _cell(found: Summary | None, published: float | None, best: float) -> Cell:
+    thesis = "" if published is None else f"{published:g}" if published % 1 else f"{published:.1f}"
+    if found is None:
+        return Cell(MISSING, published=thesis)
+    spread = f"{found.low:.1f}–{found.high:.1f}" if found.draws > 1 else ""
+    return Cell(f"{found.mean:.1f}", spread, thesis, round(found.mean, 1) >= round(best, 1) > 0)
+
+
+def _mean(found: Mapping[tuple[str, int], Summary], key: tuple[str | None, int]) -> float:
+    method, size = key
+    value = found.get((method, size)) if method else None
+    return value.mean if value else 0.0
+
+
+def _reading(published: bool) -> str:
+    return f"{READING}{'; in square brackets the thesis’s number' if published else ''}."

@@ -1,0 +1,105 @@
+"""Make the report from what the stages wrote: index.html, and for each system Markdown with its figures beside it."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from predplan.artifacts.files import read_json, write_whole
+from predplan.artifacts.tables import TableSchema, read_table
+from predplan.errors import InputError, PredplanError
+from predplan.labelling.tables import ABLATIONS, COMPARISONS, CONFUSION, COSTS, CURVE, SCORES, TAG_SCORES, TAGGED
+from predplan.reporting.document import Section
+from predplan.reporting.labelling.results import CorpusResults
+from predplan.reporting.labelling.section import labelling_section
+from predplan.reporting.markdown import all_figures, to_markdown
+from predplan.reporting.page import to_page
+from stages.settings import CorpusSettings, load_settings
+
+TITLE = "predplan"
+SUMMARY = (
+    "Prediction and planning with kernels and moments: the thesis's experiments, rebuilt. This page needs no network."
+)
+
+
+def main(params: Path, out: Path) -> None:
+    """Read every system's results and write the report into the folder `out`."""
+    settings = load_settings(params)
+    folder = Path(settings.out) / "labelling"
+    corpora = [read_results(folder / name, name, corpus) for name, corpus in settings.labelling.corpora.items()]
+    if not corpora:
+        raise InputError(f"{params}: labelling.corpora is empty; expected one corpus at least")
+    write_report(out, [labelling_section(corpora)])
+
+
+def read_results(folder: Path, name: str, settings: CorpusSettings) -> CorpusResults:
+    """One corpus's results. Raises InputError, which names the stage to run again, where one is missing or broken."""
+    costs = [(part, stage) for part, stage in (("anchor", "tag"), ("baselines", "baselines"), ("stacked", "stack"))]
+    ablations = folder / "ablations.parquet"
+    results = CorpusResults(
+        name=name,
+        source=settings.source,
+        dictionary=settings.dictionary,
+        scores=_rows(folder / "scores.parquet", SCORES),
+        tag_scores=_rows(folder / "tag_scores.parquet", TAG_SCORES),
+        confusion=_rows(folder / "confusion.parquet", CONFUSION),
+        comparisons=_rows(folder / "comparisons.parquet", COMPARISONS),
+        tagged=_rows(folder / "tagged.parquet", TAGGED),
+        curve=_rows(folder / "curve.parquet", CURVE),
+        costs=[
+            row for part, stage in costs for row in _rows(folder / f"costs-{part}.parquet", replace(COSTS, stage=stage))
+        ],
+        ablations=_rows(ablations, ABLATIONS) if ablations.exists() else [],
+        facts=_facts(folder / "corpus.json", "corpus", ("sources", "parts", "dictionary_entries")),
+        raw=_facts(folder / "tokenise.json", "tokenise", ("lines", "tokens", "words", "malformed")),
+    )
+    if not results.scores or not results.tagged:
+        raise InputError(f"{folder}: no method was scored; run again: dvc repro evaluate@{name}")
+    return results
+
+
+def write_report(out: Path, systems: Sequence[Section]) -> None:
+    """index.html; for each system NAME.md and the folder NAME of its figures, made anew."""
+    for system in systems:
+        name = system.title.lower()
+        shutil.rmtree(out / name, ignore_errors=True)
+        for figure in all_figures(system):
+            _write(out / name / f"{figure.name}.svg", figure.svg)
+        _write(out / f"{name}.md", to_markdown(system, name))
+    _write(out / "index.html", to_page(TITLE, SUMMARY, systems))
+
+
+def _write(path: Path, text: str) -> None:
+    with write_whole(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def _rows(path: Path, schema: TableSchema) -> list[dict[str, Any]]:
+    return [dict(row) for row in read_table(path, schema).to_pylist()]
+
+
+def _facts(path: Path, stage: str, keys: tuple[str, ...]) -> dict[str, Any]:
+    remedy = f"run stage {stage} again: dvc repro {stage}@{path.parent.name}"
+    if not path.exists():
+        raise InputError(f"{path}: no such file; {remedy}")
+    facts = read_json(path)
+    if not isinstance(facts, dict) or not facts.keys() >= set(keys):
+        raise InputError(f"{path}: expected the keys {', '.join(keys)}; {remedy}")
+    return facts
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("params", type=Path, help="params.yaml, relative to the folder the stages run in")
+    parser.add_argument("out", type=Path, help="folder of the report")
+    arguments = parser.parse_args()
+    try:
+        main(arguments.params, arguments.out)
+    except PredplanError as error:
+        print(f"stage report failed: {error}", file=sys.stderr)
+        sys.exit(2 if isinstance(error, InputError) else 1)
