@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.optimize import minimize
 from scipy.special import logsumexp
 
 from predplan.errors import InputError, PredplanError
@@ -97,6 +96,8 @@ def fit_emissions(
     when no entry of the gradient exceeds tolerance * s, or after `iterations` steps.
     Raises InputError on bad shapes or values, PredplanError where L-BFGS stops for another reason.
     """
+    from scipy.optimize import minimize  # slow to import, and tagging needs none of it
+
     _check(features, mu, penalty, start)
     scale = np.sqrt(_curvature(features, mu) + penalty)
 

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from predplan import parallel
 from predplan.artifacts.provenance import Provenance
 from predplan.errors import InputError
 from predplan.labelling import storage, tweets
@@ -231,6 +230,8 @@ def tag_set(*tags_by_word: Mapping[str, Iterable[str]]) -> tuple[str, ...]:
 
 def count_text(raw: RawText | None, sentences: Sequence[Sequence[str]], workers: int) -> BigramCounts:
     """Bigram counts of raw text and of further sentences. Malformed lines are dropped, with a warning in the log."""
+    from predplan import parallel  # joblib, which only training needs
+
     report = LineReport()
 
     def batches() -> Iterator[TokenBatch]:
