@@ -182,9 +182,9 @@ def show(
     """
     if not artifact.exists():
         raise InputError(f"{artifact}: no such file or folder; expected an artifact of predplan")
-    from predplan import inspection
+    from predplan.inspection import show as look_at
 
-    inspection.show(artifact, save)
+    look_at(artifact, save)
 
 
 def _failed(error: Exception, code: int) -> int:
