@@ -1,18 +1,17 @@
-"""Score every method's tags against the gold ones, which no other stage reads: scores, tests, examples and the curve."""
+"""Score every method's tags against the gold ones, which no other stage reads: scores, tests, examples, curve."""
 
 from __future__ import annotations
 
 import csv
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from predplan.artifacts.files import write_json, write_whole
-from predplan.artifacts.tables import TableSchema, read_table, write_table
+from predplan.artifacts.tables import TableSchema, write_table
 from predplan.errors import InputError
 from predplan.labelling.comparing import examples, in_order, pairs_to_compare
 from predplan.labelling.evaluation import (
@@ -24,38 +23,42 @@ from predplan.labelling.evaluation import (
     mcnemar,
     score,
 )
-from predplan.labelling.sentences import UNIVERSAL_TAGS, LabelledCorpus, label_counts
+from predplan.labelling.sentences import UNIVERSAL_TAGS, LabelledCorpus
 from predplan.labelling.tables import (
     COMPARISONS,
     CONFUSION,
-    COSTS,
     CURVE,
-    PREDICTIONS,
     SCORES,
     TAG_SCORES,
     TAGGED,
     read_corpus,
 )
 from stages.common import CorpusStage, run_corpus_stage
-from stages.labelling.subsets import training_sets
-
-MADE_BY = {"anchor": "tag", "baselines": "baselines", "stacked": "stack", "curve": "curve"}
-"""Files of predictions and costs, and the stages that write them."""
+from stages.labelling.predictions import (
+    MADE_BY,
+    OF_TABLES,
+    Run,
+    Tags,
+    dev_accuracies,
+    known_words,
+    methods_by_subset,
+    read_predictions,
+    remedy,
+    size_and_draw,
+)
 
 BOOTSTRAP_SAMPLES = 1_000
 """The 95 % interval of an accuracy then moves by about .02 points from seed to seed (Brown, 2,000 sentences)."""
 
-Run = tuple[str, str]
-"""A training set and a method."""
-Tags = list[list[str]]
 Rows = list[dict[str, Any]]
 
 
 def main(stage: CorpusStage) -> None:
     gold = read_corpus(stage.path("test_gold.parquet"))
-    files = {name: read_predictions(stage, name, gold) for name in MADE_BY}
-    tables = {run: tags for name in ("anchor", "baselines", "stacked") for run, tags in files[name].items()}
-    dev = dev_accuracies(stage)
+    tables = {run: tags for name in OF_TABLES for run, tags in read_predictions(stage, name, gold).items()}
+    if not tables:
+        raise InputError(f"predictions of {stage.name}: found no tagged sentence; {remedy(stage)}")
+    dev = dev_accuracies(stage, tables)
     right = {run: correctness(gold, tags) for run, tags in tables.items()}
     known = known_words(stage, {subset for subset, _ in tables})
     names = tag_order(gold, tables.values())
@@ -75,7 +78,7 @@ def main(stage: CorpusStage) -> None:
     for subset, methods in methods_by_subset(tables).items():
         for method, other in pairs_to_compare({name: dev[subset, name] for name in methods}):
             comparisons.append(compare(subset, method, other, right, np.random.default_rng(seed)))
-    curve = curve_rows(gold, files["curve"], tables)
+    curve = curve_rows(gold, read_predictions(stage, "curve", gold), tables)
 
     inputs = [stage.path(f"{kind}-{name}.parquet") for name in MADE_BY for kind in ("predictions", "costs")]
     provenance = stage.provenance(stage.path("test_gold.parquet"), *inputs, sizes=stage.corpus.sizes)
@@ -94,48 +97,6 @@ def main(stage: CorpusStage) -> None:
     write_curve(stage.path("curve.csv"), curve)
 
 
-def read_predictions(stage: CorpusStage, name: str, gold: LabelledCorpus) -> dict[Run, Tags]:
-    """Tags of every test sentence by training set and method. Raises InputError where sentences are missing or cut."""
-    path = stage.path(f"predictions-{name}.parquet")
-    rows: defaultdict[Run, dict[int, list[str]]] = defaultdict(dict)
-    table = read_table(path, replace(PREDICTIONS, stage=MADE_BY[name]))
-    for subset, method, sentence, tags in zip(*(column.to_pylist() for column in table.columns), strict=True):
-        rows[subset, method][sentence] = tags
-    runs = {}
-    for (subset, method), found in rows.items():
-        runs[subset, method] = [found[sentence] for sentence in sorted(found)]
-        try:
-            if sorted(found) != list(range(len(gold))):
-                raise InputError(f"found {len(found)} sentences, expected each of the {len(gold)} test sentences")
-            correctness(gold, runs[subset, method])
-        except InputError as error:
-            remedy = f"run its stage again: dvc repro {MADE_BY[name]}@{stage.name}"
-            raise InputError(f"{path}, {method} on {subset}: {error}; {remedy}") from error
-    return runs
-
-
-def dev_accuracies(stage: CorpusStage) -> dict[Run, float]:
-    """Accuracy of every run of the tables on the development sentences."""
-    accuracies = {}
-    for name in ("anchor", "baselines", "stacked"):
-        table = read_table(stage.path(f"costs-{name}.parquet"), replace(COSTS, stage=MADE_BY[name]))
-        for row in table.select(["subset", "method", "dev_accuracy"]).to_pylist():
-            accuracies[row["subset"], row["method"]] = row["dev_accuracy"]
-    return accuracies
-
-
-def known_words(stage: CorpusStage, subsets: Iterable[str]) -> dict[str, frozenset[str]]:
-    """The words labelled in each training set."""
-    drawn = {each.name: frozenset(label_counts(each.corpus)) for each in training_sets(stage, stage.corpus.sizes)}
-    unknown = sorted(set(subsets) - drawn.keys())
-    if unknown:
-        raise InputError(
-            f"predictions of {stage.name} on training sets {', '.join(unknown)}: params.yaml now draws "
-            f"{', '.join(drawn)}; run again: dvc repro tag@{stage.name} baselines@{stage.name} stack@{stage.name}"
-        )
-    return drawn
-
-
 def tag_order(gold: LabelledCorpus, predicted: Iterable[Tags]) -> tuple[str, ...]:
     """All tags met, the universal ones in their order, then the others by name."""
     met = {tag for tags in gold.tags for tag in tags if tag is not None}
@@ -148,20 +109,6 @@ def overall(found: Scores) -> dict[str, Any]:
     """The scores that are not of one tag."""
     names = ("accuracy", "unknown_accuracy", "sentence_accuracy", "tokens")
     return {name: getattr(found, name) for name in names}
-
-
-def methods_by_subset(runs: Iterable[Run]) -> dict[str, list[str]]:
-    """The methods of each training set, smallest set first."""
-    methods: defaultdict[str, list[str]] = defaultdict(list)
-    for subset, method in runs:
-        methods[subset].append(method)
-    return {subset: in_order(methods[subset]) for subset in sorted(methods, key=size_and_draw)}
-
-
-def size_and_draw(subset: str) -> tuple[int, int]:
-    """Labelled sentences of a training set, and the seed of its draw."""
-    size, draw = subset.split("-")
-    return int(size), int(draw)
 
 
 def compare(

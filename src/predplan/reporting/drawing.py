@@ -12,12 +12,18 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
-from matplotlib import rc_context
+from matplotlib import style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
+from matplotlib.transforms import ScaledTranslation
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
 
 INK, GRID = "#010203", "#040506"
 WIDTH_IN = 6.2
+LABELS_IN = 0.22
+"""From the end of the longest line to the names."""
 _STYLE = """<style>
  svg.drawing{--ink:#20252b;--grid:#d9dde1;background:#fff}
  @media (prefers-color-scheme:dark){svg.drawing{--ink:#e2e6ea;--grid:#3c434b;background:#15191e}}
@@ -49,7 +55,7 @@ _LOOK = {
 @contextmanager
 def drawing_look() -> Iterator[None]:
     """Within it, figures are made and turned into SVG with our look."""
-    with rc_context(_LOOK):
+    with style.context(_LOOK):
         yield
 
 
@@ -73,15 +79,17 @@ def inlined(svg: str) -> str:
     return svg[svg.index("<svg ") :].replace(_STYLE, "").rstrip()
 
 
-def label_ends(axes: Axes, ends: Sequence[tuple[float, float, str, str]], gap_points: float = 11.5) -> None:
+def label_ends(
+    canvas: Canvas, axes: Axes, ends: Sequence[tuple[float, float, str, str]], gap_points: float = 11.5
+) -> None:
     """Names of lines to the right of their ends (x, y, name, colour), moved up or down until none overlap."""
     if not ends:
         return
     order = sorted(range(len(ends)), key=lambda index: (ends[index][1], index))
     low, high = axes.get_ylim()
     # Constrained layout has not run yet; axes take about .82 of the figure's height.
-    gap = gap_points / 72 / (axes.figure.get_figheight() * 0.82) * (high - low)
-    places = spread_out(np.array([ends[index][1] for index in order]), gap)
+    gap = gap_points / 72 / (canvas.get_figheight() * 0.82) * (high - low)
+    places = spread_out(np.array([ends[index][1] for index in order]), gap, low, high)
     right = max(x for x, *_ in ends)
     for place, index in zip(places.tolist(), order, strict=True):
         x, y, name, colour = ends[index]
@@ -89,16 +97,23 @@ def label_ends(axes: Axes, ends: Sequence[tuple[float, float, str, str]], gap_po
             name,
             xy=(x, y),
             xytext=(right, place),
-            textcoords=axes.transData + _shift(axes, 14),
+            textcoords=axes.transData + ScaledTranslation(LABELS_IN, 0, canvas.dpi_scale_trans),
             color=colour,
             va="center",
             annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.6, "shrinkA": 1, "shrinkB": 3},
+            arrowprops={
+                "arrowstyle": "-",
+                "color": colour,
+                "linewidth": 0.6,
+                "shrinkA": 1,
+                "shrinkB": 3,
+                "relpos": (0, 0.5),
+            },
         )
 
 
-def spread_out(values: np.ndarray, gap: float) -> np.ndarray:
-    """Places at least `gap` apart, in the order of the rising `values`, at the least squared distance from them."""
+def spread_out(values: Floats, gap: float, low: float, high: float) -> Floats:
+    """Places at least `gap` apart within low to high, in the order of the rising `values`, nearest them by squares."""
     # Less their ideal spacing, places need only not fall: that is an isotonic regression, by pooling neighbours.
     target = values - gap * np.arange(len(values))
     pools: list[list[float]] = []
@@ -107,10 +122,5 @@ def spread_out(values: np.ndarray, gap: float) -> np.ndarray:
         while len(pools) > 1 and np.mean(pools[-2]) > np.mean(pools[-1]):
             pools[-2:] = [pools[-2] + pools[-1]]
     level = np.concatenate([np.full(len(pool), np.mean(pool)) for pool in pools])
-    return np.asarray(level + gap * np.arange(len(values)))
-
-
-def _shift(axes: Axes, points: float) -> object:
-    from matplotlib.transforms import ScaledTranslation
-
-    return ScaledTranslation(points / 72, 0, axes.figure.dpi_scale_trans)
+    within: Floats = np.clip(level, low, high - gap * (len(values) - 1))
+    return within + gap * np.arange(len(values))

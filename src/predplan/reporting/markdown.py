@@ -59,7 +59,7 @@ def _cell(cell: str | Cell) -> str:
         return cell.replace("|", "\\|")
     value = f"**{cell.value}**" if cell.best else cell.value
     spread = f" ({cell.spread})" if cell.spread else ""
-    return value + spread + (f" [{cell.published}]" if cell.published else "")
+    return value + spread + (f" [thesis {cell.published}]" if cell.published else "")
 
 
 def _words(words: tuple[TaggedWord, ...]) -> str:

@@ -52,7 +52,7 @@ def learning_curve(corpus: CorpusResults) -> Figure:
         axes.set_xticklabels([f"{size:,}" for size in sizes])
         axes.set_xlabel("labelled sentences")
         axes.set_ylabel("accuracy per test word, %")
-        label_ends(axes, ends)
+        label_ends(canvas, axes, ends)
         svg = to_svg(canvas)
     return Figure(
         f"{corpus.name}-learning-curve",
@@ -79,17 +79,19 @@ def training_times(corpus: CorpusResults) -> Figure:
                 seconds(time.mean), (time.high, row), (6, 0), textcoords="offset points", va="center", fontsize=8
             )
         axes.set_xscale("log")
+        axes.xaxis.set_major_formatter("{x:g}")
         axes.set_yticks(range(len(methods)), [METHODS[method].label for method in methods])
         axes.set_ylim(-0.7, len(methods) - 0.3)
         axes.margins(x=0.12)
         axes.grid(visible=False, axis="y")
-        axes.set_xlabel(f"wall time of training, s (logarithmic), {size:,} labelled sentences")
+        axes.set_xlabel("wall time of training, s")
         svg = to_svg(canvas)
     return Figure(
         f"{corpus.name}-training-times",
         svg,
         f"Time of training on {corpus.title}. {size:,} labelled sentences and all raw text; points are means over "
-        "draws, lines run from the fastest to the slowest. Tokenising and counting the raw text are left out.",
+        "draws, lines run from the fastest to the slowest, on a logarithmic scale. Tokenising and counting the raw "
+        "text are left out.",
     )
 
 
@@ -100,7 +102,7 @@ def differences(corpus: CorpusResults) -> Figure:
     others = in_order(row["other"] for size, rows in panels.items() for row in rows if row["method"] == ours[size])
     with drawing_look():
         canvas = new_canvas(1.1 + 0.3 * len(others))
-        row_axes = canvas.subplots(1, len(panels), sharey=True, squeeze=False)[0]
+        row_axes = canvas.subplots(1, len(panels), sharex=True, sharey=True, squeeze=False)[0]
         for axes, (size, rows) in zip(row_axes, panels.items(), strict=True):
             axes.axvline(0, color=INK, linewidth=0.8)
             for place, other in enumerate(reversed(others)):
@@ -111,16 +113,16 @@ def differences(corpus: CorpusResults) -> Figure:
                     axes.plot(100 * row["difference"], place + shift, "o", color=colour_of(ours[size]), markersize=3)
             axes.set_ylim(-0.6, len(others) - 0.4)
             axes.grid(visible=False, axis="y")
-            axes.set_title(f"{METHODS[ours[size]].label}, {size:,}", fontsize=9)
+            axes.set_title(f"{size:,} labelled sentences", fontsize=9)
         row_axes[0].set_yticks(range(len(others)), [METHODS[other].label for other in reversed(others)])
         canvas.supxlabel("gain in accuracy per test word, points", fontsize=9, color=INK)
         svg = to_svg(canvas)
+    named = ", ".join(f"{METHODS[method].label} ({size:,} labelled)" for size, method in ours.items())
     return Figure(
         f"{corpus.name}-differences",
         svg,
-        f"What our best tagger gains over each baseline on {corpus.title}. Best on the development sentences; a panel "
-        "for each number of labelled sentences. Each line is one draw of the training set with its 95 % interval, test "
-        "sentences drawn anew.",
+        f"What our best tagger gains over each baseline on {corpus.title}. Best on the development sentences: {named}. "
+        "Each line is one draw of the training set with its 95 % interval, test sentences drawn anew.",
     )
 
 

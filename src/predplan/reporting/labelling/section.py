@@ -113,6 +113,6 @@ def tagged_examples(corpus: CorpusResults) -> Tagged:
     step = max(1, len(with_mistakes) // EXAMPLES)
     return Tagged(
         tuple(tuple(each.items()) for each in with_mistakes[::step][:EXAMPLES]),
-        f"Test sentences with mistakes, {size_of(corpus.tagged[0]['subset'])} labelled sentences: a wrong tag is struck "
-        "out, the right one follows it.",
+        f"Test sentences with mistakes, {size_of(corpus.tagged[0]['subset'])} labelled sentences. A wrong tag is "
+        "struck out, the right one follows it.",
     )

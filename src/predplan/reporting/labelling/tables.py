@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from predplan.labelling.methods import METHODS
 from predplan.reporting.document import Cell, Table
@@ -60,23 +61,24 @@ HEADLINE = (
     "em",
     "self-training",
     "crf",
+    "crf-clusters",
     "anchor",
     "anchor-fhmm",
     "crf-posteriors",
     "crf-clusters-posteriors",
 )
 
-READING = "Accuracy per test word, %: mean over the draws of the training set, in brackets the least and greatest draw"
+READING = "Accuracy per test word, %: mean over the draws of the training set, beside it the least and the greatest"
 
 
 def headline_table(corpora: Sequence[CorpusResults]) -> Table:
     """The methods a user would choose among, a row for each corpus and size."""
-    rows = []
+    rows: list[tuple[str | Cell, ...]] = []
     for corpus in corpora:
         found = summarise(corpus.scores, "accuracy", 100)
         for size in corpus.sizes:
-            cells = _row([found.get((method, size)) for method in HEADLINE], spread=False)
-            rows.append((f"{corpus.title}, {size}", *cells))
+            cells = _row([found.get((method, size)) for method in HEADLINE])
+            rows.append((f"{corpus.title}, {size:,}", *cells))
     return Table(
         ("Corpus, labelled sentences", *(METHODS[method].label for method in HEADLINE)),
         tuple(rows),
@@ -105,7 +107,7 @@ def table_3_1(corpus: CorpusResults) -> Table:
         rows.append((row[0], *cells))
     names = {1: "HMM", 2: "FHMM"}
     return Table(
-        ("Method", *(f"{names[side]}, {size}" for side, size in columns)),
+        ("Method", *(f"{names[side]}, {size:,}" for side, size in columns)),
         tuple(rows),
         f"Table 3.1 on {corpus.title}: models, labelled sentences. {_reading(bool(published))}",
     )
@@ -128,7 +130,7 @@ def table_3_4(corpora: Sequence[CorpusResults]) -> Table:
         max((_mean(each, (m, c.sizes[-1])) for m in ROWS_3_4), default=0.0)
         for c, each in zip(corpora, found, strict=True)
     ]
-    rows = []
+    rows: list[tuple[str | Cell, ...]] = []
     for method in ROWS_3_4:
         cells = []
         for corpus, each, top in zip(corpora, found, best, strict=True):
@@ -137,7 +139,7 @@ def table_3_4(corpora: Sequence[CorpusResults]) -> Table:
             cells.append(_cell(each.get((method, corpus.sizes[-1])), number, top))
         rows.append((METHODS[method].label, *cells))
     return Table(
-        ("Method", *(f"{corpus.title}, {corpus.sizes[-1]}" for corpus in corpora)),
+        ("Method", *(f"{corpus.title}, {corpus.sizes[-1]:,}" for corpus in corpora)),
         tuple(rows),
         "Table 3.4, here for every corpus with the largest training set, its size beside the name. "
         + _reading(any(corpus.source == "malagasy" for corpus in corpora)),
@@ -147,7 +149,7 @@ def table_3_4(corpora: Sequence[CorpusResults]) -> Table:
 def time_table(corpus: CorpusResults) -> Table:
     """Training times beside the thesis's, and as multiples of the anchor HMM's."""
     found = summarise(corpus.costs, "training_s")
-    rows = []
+    rows: list[tuple[str | Cell, ...]] = []
     for method in METHODS:
         if not any((method, size) in found for size in corpus.sizes):
             continue
@@ -158,7 +160,7 @@ def time_table(corpus: CorpusResults) -> Table:
             cells.append(MISSING if time is None or anchor is None else f"{time.mean / anchor.mean:.2g} ×")
         hours = TRAINING_HOURS.get(method) if corpus.source == "twitter" else None
         rows.append((*cells, MISSING if hours is None else f"{hours} h"))
-    header = [name for size in corpus.sizes for name in (f"{size}: time", f"{size}: to anchor HMM")]
+    header = [name for size in corpus.sizes for name in (f"{size:,}: time", f"{size:,}: to anchor HMM")]
     return Table(
         ("Method", *header, "thesis"),
         tuple(rows),
@@ -177,28 +179,28 @@ def comparison_table(corpus: CorpusResults) -> Table:
     last = 0
     for (size, method, other), drawn in sorted(groups.items(), key=lambda item: item[0][0]):
         if size != last:
-            rows.append((f"{size} labelled sentences",))
+            rows.append((f"{size:,} labelled sentences",))
             last = size
         mean = summary(row["difference"] for row in drawn).mean
-        clear = sum(row["low"] > 0 or row["high"] < 0 for row in drawn)
+        better, worse = sum(row["low"] > 0 for row in drawn), sum(row["high"] < 0 for row in drawn)
         interval = f"{100 * min(r['low'] for r in drawn):+.1f} to {100 * max(r['high'] for r in drawn):+.1f}"
         rows.append(
             (
-                f"{METHODS[method].label} - {METHODS[other].label}",
+                f"{METHODS[method].label} against {METHODS[other].label}",
                 f"{100 * mean:+.1f}",
                 interval,
-                f"{clear} of {len(drawn)}",
+                f"{better} / {worse} of {len(drawn)}",
                 probability(max(row["mcnemar_p"] for row in drawn)),
                 probability(max(row["ks_p"] for row in drawn)),
             )
         )
     return Table(
-        ("Pair", "Difference", "95 % intervals", "Clear draws", "McNemar p", "KS p"),
+        ("Pair", "Difference", "95 % intervals", "Better / worse", "McNemar p", "KS p"),
         tuple(rows),
-        f"Differences of accuracy on {corpus.title}, points: the mean over draws; the hull of their 95 % bootstrap "
-        "intervals (test sentences drawn anew 1,000 times); in how many draws the interval leaves out zero; and the "
-        "largest p-value over draws of McNemar's test and of the thesis's Kolmogorov-Smirnov test. p-values are not "
-        "corrected for the number of pairs.",
+        f"Differences of accuracy on {corpus.title}, points. The mean over draws; the hull of their 95 % bootstrap "
+        "intervals (test sentences drawn anew 1,000 times); in how many draws the whole interval lies above and below "
+        "zero; and the largest p-value over draws of McNemar's test and of the thesis's Kolmogorov-Smirnov test. "
+        "p-values are not corrected for the number of pairs.",
     )
 
 
@@ -213,7 +215,7 @@ def chosen_table(corpus: CorpusResults) -> Table:
         for size in corpus.sizes:
             if (method, size) in dev:
                 choices = " | ".join(drawn[method, size])
-                rows.append((METHODS[method].label, str(size), f"{dev[method, size].mean:.1f}", choices))
+                rows.append((METHODS[method].label, f"{size:,}", f"{dev[method, size].mean:.1f}", choices))
     return Table(
         ("Method", "Labelled", "Dev accuracy, %", "Chosen"),
         tuple(rows),
@@ -238,10 +240,10 @@ def ablation_table(corpus: CorpusResults) -> Table:
         cells = [_cell(summary(by_size[size]) if size in by_size else None, None, 0.0) for size in sizes]
         rows.append((f"{setting} (default)" if default else setting, *cells))
     return Table(
-        ("Setting", *map(str, sizes)),
+        ("Setting", *(f"{size:,}" for size in sizes)),
         tuple(rows),
         f"Accuracy of the anchor HMM on the development sentences of {corpus.title}, %, with one thing changed at a "
-        "time, by labelled sentences: mean over draws, in brackets their range.",
+        "time, by labelled sentences: mean over draws, beside it their range.",
     )
 
 
@@ -261,23 +263,22 @@ def _by_size(
     found = summarise(corpus.scores, "accuracy", 100)
     published = numbers if corpus.source == "twitter" else {}
     best = {size: max(_mean(found, (method, size)) for _, method in methods) for size in corpus.sizes}
-    rows = []
+    rows: list[tuple[str | Cell, ...]] = []
     for label, method in methods:
         cells = [
             _cell(found.get((method, size)), published.get(method, {}).get(size), best[size]) for size in corpus.sizes
         ]
         rows.append((label, *cells))
     return Table(
-        ("Method", *(f"{size} labelled" for size in corpus.sizes)),
+        ("Method", *(f"{size:,} labelled" for size in corpus.sizes)),
         tuple(rows),
         f"{name} on {corpus.title}: {what}. {_reading(bool(published))}",
     )
 
 
-def _row(values: Sequence[Summary | None], spread: bool) -> list[Cell]:
+def _row(values: Sequence[Summary | None]) -> list[Cell]:
     best = max((value.mean for value in values if value), default=0.0)
-    cells = [_cell(value, None, best) for value in values]
-    return cells if spread else [Cell(cell.value, best=cell.best) for cell in cells]
+    return [replace(_cell(value, None, best), spread="") for value in values]
 
 
 def _cell(found: Summary | None, published: float | None, best: float) -> Cell:
@@ -295,4 +296,4 @@ def _mean(found: Mapping[tuple[str, int], Summary], key: tuple[str | None, int])
 
 
 def _reading(published: bool) -> str:
-    return f"{READING}{'; in square brackets the thesis’s number' if published else ''}."
+    return f"{READING}{', and the thesis’s number' if published else ''}."
