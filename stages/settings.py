@@ -20,6 +20,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from predplan.errors import InputError
 from predplan.labelling.corpora import OwnFiles, SplitSettings
 from predplan.labelling.readers import Style
+from predplan.labelling.supervised import BaselineSettings
 from predplan.labelling.training import TrainingSettings
 
 ItemName = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
@@ -82,8 +83,17 @@ class LabellingSettings(Component):
     composite_iterations: Annotated[int, Field(ge=1)] = 10
     """Iterations of Algorithm 4."""
 
+    iterations: Annotated[int, Field(ge=1)] = 8
+    """Most models that EM and self-training of the HMM try, the supervised one included; dev chooses."""
+
+    feature_iterations: Annotated[int, Field(ge=1)] = 3
+    """The same for the feature HMM."""
+
     training: TrainingSettings = TrainingSettings()
     """Knobs of the anchor models."""
+
+    baselines: BaselineSettings = BaselineSettings()
+    """Knobs of the baselines."""
 
 
 class Settings(Component):

@@ -5,12 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+import pyarrow.compute as pc
+
 from predplan.artifacts.tables import read_table
 from predplan.labelling.corpora import training_subset
-from predplan.labelling.lexicon import Supervision
+from predplan.labelling.lexicon import Evidence, Lexicon, Supervision, build_lexicon
+from predplan.labelling.posteriors import ContextPosteriors
 from predplan.labelling.sentences import UNIVERSAL_TAGS, LabelledCorpus, label_counts
-from predplan.labelling.tables import TAG_NAMES, read_bigrams, read_corpus, read_dictionary_table
-from predplan.labelling.training import RawStatistics, raw_statistics
+from predplan.labelling.tables import (
+    POSTERIORS,
+    TAG_NAMES,
+    matrix_of,
+    read_bigrams,
+    read_corpus,
+    read_dictionary_table,
+)
+from predplan.labelling.training import RawStatistics, gather_evidence, raw_statistics
 from stages.common import CorpusStage
 
 
@@ -23,6 +34,12 @@ class TrainingSet:
     seed: int
     corpus: LabelledCorpus
     supervision: Supervision
+
+    def has_all(self, tags: tuple[str, ...]) -> bool:
+        """Whether labels or dictionary have each of the tags; a tag that nobody has seen cannot be learned."""
+        labelled = {tag for of in self.supervision.labels.values() for tag in of}
+        listed = {tag for of in self.supervision.dictionary.values() for tag in of}
+        return not set(tags) - labelled - listed
 
 
 def training_sets(stage: CorpusStage, sizes: Sequence[int]) -> list[TrainingSet]:
@@ -55,3 +72,19 @@ def read_statistics(stage: CorpusStage) -> RawStatistics:
     bigrams = read_bigrams(stage.path("words.parquet"), stage.path("bigrams.parquet"))
     labelling = stage.settings.labelling
     return raw_statistics(bigrams, labelling.training.moments, labelling.seed)
+
+
+def read_evidence(
+    stage: CorpusStage, drawn: TrainingSet, raw: RawStatistics, tags: tuple[str, ...]
+) -> tuple[Evidence, Lexicon]:
+    """What the emissions stage found for one training set: the evidence of each word, and the lexicon built on it."""
+    training = stage.settings.labelling.training
+    table = read_table(stage.path("posteriors.parquet"), POSTERIORS)
+    rows = table.filter(pc.equal(table["subset"], drawn.name))
+    ids = np.fromiter((raw.word_ids[word] for word in rows["word"].to_pylist()), np.int64)
+    shape = (len(raw.word_ids), len(tags))
+    contexts = ContextPosteriors(np.full(shape, 1.0 / len(tags)), np.zeros(len(raw.word_ids)), np.zeros(shape))
+    contexts.gamma[ids] = matrix_of(rows["gamma"], len(tags))
+    contexts.log_ratio[ids] = matrix_of(rows["log_ratio"], len(tags))
+    evidence = gather_evidence(raw, contexts)
+    return evidence, build_lexicon(drawn.supervision, evidence, tags, training.lexicon)

@@ -21,11 +21,21 @@ from predplan.labelling.decoding import Transitions
 from predplan.labelling.sentences import LabelledCorpus
 
 Floats = NDArray[np.float64]
-Description = Mapping[str, float]
-"""Features of one word with their values, none negative: CRFsuite drops features that sum below zero."""
 
 OFFSETS = (-1, 0, 1)
-EDGE: Description = {"edge": 1.0}
+Features = Mapping[str, float]
+"""Names of features with their values, none negative: CRFsuite drops features that sum below zero."""
+
+
+@dataclass(frozen=True)
+class Description:
+    """What the field sees of a word: its features for its own token, and for the tokens beside it."""
+
+    own: Features
+    beside: Features
+
+
+EDGE = Description({}, {"edge": 1.0})
 
 
 @dataclass(frozen=True)
@@ -48,17 +58,21 @@ class ChainWeights:
 
     def word_scores(self, descriptions: Sequence[Description]) -> Floats:
         """Log-potentials each word adds to the token after it, to its own and to the one before [3, words, K]."""
+        own = self._table([description.own for description in descriptions])
+        beside = self._table([description.beside for description in descriptions])
+        return np.stack([beside @ self.weights[0], own @ self.weights[1], beside @ self.weights[2]])
+
+    def _table(self, rows: Sequence[Features]) -> sparse.csr_array:
         indptr, indices, values = [0], [], []
-        for description in descriptions:
-            for name, value in description.items():
+        for features in rows:
+            for name, value in features.items():
                 column = self.columns.get(name)
                 if column is not None:
                     indices.append(column)
                     values.append(value)
             indptr.append(len(indices))
-        shape = (len(descriptions), len(self.columns))
-        table = sparse.csr_array((np.array(values), np.array(indices, np.int64), np.array(indptr)), shape=shape)
-        return np.stack([table @ weights for weights in self.weights])
+        shape = (len(rows), len(self.columns))
+        return sparse.csr_array((np.array(values), np.array(indices, np.int64), np.array(indptr)), shape=shape)
 
     def token_scores(self, words: Floats, ids: NDArray[np.int64], offsets: NDArray[np.int64]) -> Floats:
         """Log-potentials of tokens [tokens, K] from those of word types [3, words, K]; ids index types."""
@@ -109,14 +123,11 @@ def train_chain(
         dumped = tagger.info()
         tagger.close()
     number = {tag: index for index, tag in enumerate(tags)}
-    columns: dict[str, int] = {}
-    entries = []
-    for (attribute, tag), weight in dumped.state_features.items():
-        offset, _, name = attribute.partition("|")
-        entries.append((OFFSETS.index(int(offset)), columns.setdefault(name, len(columns)), number[tag], weight))
+    entries = [(*attribute.split("|", 1), tag, weight) for (attribute, tag), weight in dumped.state_features.items()]
+    columns = {name: column for column, name in enumerate(sorted({name for _, name, _, _ in entries}))}
     weights = np.zeros((len(OFFSETS), len(columns), len(tags)))
-    for offset_index, column, tag_index, weight in entries:
-        weights[offset_index, column, tag_index] = weight
+    for offset, name, tag, weight in entries:
+        weights[OFFSETS.index(int(offset)), columns[name], number[tag]] = weight
     between = np.ones((len(tags), len(tags)))
     for (previous, following), weight in dumped.transitions.items():
         between[number[previous], number[following]] = np.exp(weight)
@@ -131,11 +142,8 @@ def labelled_runs(tags: Sequence[str | None]) -> list[tuple[int, int]]:
 
 def _windows(sentence: Sequence[Description]) -> list[dict[str, float]]:
     padded = [EDGE, *sentence, EDGE]
-    return [
-        {
-            f"{offset}|{name}": value
-            for offset in OFFSETS
-            for name, value in padded[place + 1 + offset].items()
-        }
-        for place in range(len(sentence))
-    ]
+    windows = []
+    for before, here, after in zip(padded, sentence, padded[2:], strict=False):
+        parts = zip(OFFSETS, (before.beside, here.own, after.beside), strict=True)
+        windows.append({f"{offset}|{name}": value for offset, part in parts for name, value in part.items()})
+    return windows

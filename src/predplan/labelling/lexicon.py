@@ -100,23 +100,33 @@ def fit_classifier(
 class Lexicon:
     """p(tag | word): probabilities [V, K] of the words it lists, the classifier's for all others.
 
-    count [V] in raw text; tag_probability [K]: p(h), the sum of p(tag | word) p(word) over raw text (Eq. 3.16).
+    count [V] in raw text; contexts [V, 2K]: the evidence of their contexts, gamma and log ratios, or [V, 0];
+    tag_probability [K]: p(h), the sum of p(tag | word) p(word) over raw text (Eq. 3.16).
     """
 
     word_ids: Mapping[str, int]
     count: NDArray[np.int64]
     probabilities: Floats
+    contexts: Floats
     tag_probability: Floats
     classifier: WordClassifier
 
     def of(self, words: Sequence[str]) -> Floats:
         """p(tag | word) [words, K]."""
-        ids = np.fromiter((self.word_ids.get(word, -1) for word in words), np.int64, len(words))
+        ids = self._ids(words)
         found = np.where(ids[:, None] >= 0, self.probabilities[ids], 0.0)
         unknown = np.flatnonzero(ids < 0).tolist()
         if unknown:
             found[unknown] = self.classifier.probabilities([words[i] for i in unknown], NO_EVIDENCE)
         return found
+
+    def contexts_of(self, words: Sequence[str]) -> Floats:
+        """The evidence of the words' contexts [words, 2K]; zero for words that are not listed."""
+        ids = self._ids(words)
+        return np.where(ids[:, None] >= 0, self.contexts[ids], 0.0)
+
+    def _ids(self, words: Sequence[str]) -> NDArray[np.int64]:
+        return np.fromiter((self.word_ids.get(word, -1) for word in words), np.int64, len(words))
 
 
 NO_EVIDENCE = Evidence({}, np.empty(0, np.int64), np.empty((0, 0)))
@@ -194,4 +204,5 @@ def build_lexicon(
     count = np.array([count_of.get(word, 0) for word in words], np.int64)
     mass = np.maximum(count, 1) @ probabilities
     word_ids = {word: place for place, word in enumerate(words)}
-    return Lexicon(word_ids, count, probabilities, mass / mass.sum(), classifier)
+    contexts = evidence.rows(words)[:, : 2 * len(tags)]
+    return Lexicon(word_ids, count, probabilities, contexts, mass / mass.sum(), classifier)

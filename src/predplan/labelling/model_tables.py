@@ -47,6 +47,7 @@ LEXICON = TableSchema(
         Column("count", pa.int64(), "occurrences", "times the word occurs in the raw text"),
         Column("labelled", pa.int64(), "occurrences", "times the word is labelled"),
         Column("probability", pa.list_(pa.float32()), "1", "p(tag | word), by tag"),
+        Column("contexts", pa.list_(pa.float32()), "1", "evidence of its contexts, by tag; empty where not needed"),
     ),
     "predplan label",
 )
@@ -117,6 +118,7 @@ def lexicon_rows(lexicon: Lexicon, labels: Mapping[str, int]) -> Mapping[str, An
         "count": lexicon.count,
         "labelled": [labels.get(word, 0) for word in lexicon.word_ids],
         "probability": rows_of(lexicon.probabilities),
+        "contexts": rows_of(lexicon.contexts),
     }
 
 
@@ -182,6 +184,7 @@ class ModelTables:
             _numbered(words),
             table["count"].to_numpy(),
             self._matrix(table["probability"]),
+            self._contexts(table["contexts"]),
             tag_probability,
             classifier,
         )
@@ -214,7 +217,7 @@ class ModelTables:
         """The conditional random field's weights."""
         table = self._read(CHAIN)
         offsets, names = table["offset"].to_pylist(), table["feature"].to_pylist()
-        columns = _numbered(list(dict.fromkeys(names)))
+        columns = _numbered(sorted(set(names)))
         weights = np.zeros((len(OFFSETS), len(columns), len(self.tags)))
         weights[[OFFSETS.index(offset) for offset in offsets], [columns[name] for name in names]] = self._matrix(
             table["weights"]
@@ -223,6 +226,10 @@ class ModelTables:
 
     def _read(self, schema: TableSchema) -> pa.Table:
         return read_table(self.folder / file_of(schema), schema)
+
+    def _contexts(self, column: pa.ChunkedArray) -> Floats:
+        width = len(column[0]) if len(column) else 0
+        return matrix_of(column, width) if width else np.zeros((len(column), 0))
 
     def _matrix(self, column: pa.ChunkedArray) -> Floats:
         """matrix_of, with ValueError where lists are not as long as there are tags."""

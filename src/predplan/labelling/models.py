@@ -18,6 +18,7 @@ from predplan.labelling.loglinear import LogLinearEmissions
 Floats = NDArray[np.float64]
 Clusters = Mapping[str, Sequence[str]]
 """Names of the clusters a word belongs to, coarse to fine."""
+LEAST_VALUE = 1e-3
 
 
 class SequenceModel(Protocol):
@@ -69,7 +70,8 @@ class ChainModel:
         return self.chain.transitions
 
     def token_scores(self, words: Sequence[str], ids: NDArray[np.int64], offsets: NDArray[np.int64]) -> Floats:
-        described = describe(words, self.lexicon.of(words), self.tags, self.clusters)
+        contexts = self.lexicon.contexts_of(words)
+        described = describe(words, self.lexicon.of(words), contexts, self.tags, self.clusters)
         logs = self.chain.token_scores(self.chain.word_scores(described), ids, offsets)
         return np.asarray(np.exp(logs - logs.max(axis=1, keepdims=True)))
 
@@ -79,13 +81,26 @@ def identity_features(word: str) -> list[str]:
     return [*spelling_features(word), f"word={word}", f"lower={word.lower()}"]
 
 
-def describe(words: Sequence[str], posterior: Floats, tags: Sequence[str], clusters: Clusters) -> list[Description]:
-    """Features of words for the field: spelling, identity, clusters, and p(tag | word) [words, K]."""
-    return [
-        {name: 1.0 for name in (*identity_features(word), *clusters.get(word, clusters.get(word.lower(), ())))}
-        | {f"posterior={tag}": value for tag, value in zip(tags, row, strict=True) if value > 1e-3}
-        for word, row in zip(words, posterior.tolist(), strict=True)
-    ]
+def describe(
+    words: Sequence[str], posterior: Floats, contexts: Floats, tags: Sequence[str], clusters: Clusters
+) -> list[Description]:
+    """What the field sees of words, from p(tag | word) [words, K] and the evidence of contexts [words, 2K] or [words, 0].
+
+    Of its own word a token sees spelling, identity, clusters, posterior and contexts; of the words beside it their
+    small-letter form, clusters and posterior.
+    """
+    names = [f"gamma={tag}" for tag in tags] + [f"ratio={tag}" for tag in tags]
+    described = []
+    for word, probabilities, evidence in zip(words, posterior.tolist(), contexts.tolist(), strict=True):
+        shared = dict.fromkeys((f"lower={word.lower()}", *clusters.get(word, clusters.get(word.lower(), ()))), 1.0)
+        shared |= {f"posterior={tag}": p for tag, p in zip(tags, probabilities, strict=True) if p > LEAST_VALUE}
+        measured = {
+            name if value > 0 else f"-{name}": abs(value)
+            for name, value in zip(names, evidence, strict=False)
+            if abs(value) > LEAST_VALUE
+        }
+        described.append(Description(dict.fromkeys(identity_features(word), 1.0) | shared | measured, shared))
+    return described
 
 
 @dataclass(frozen=True)

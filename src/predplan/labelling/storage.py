@@ -3,7 +3,7 @@
 | file | holds |
 |---|---|
 | model.json | format, kind, style, tags, settings, provenance, and numbers by tag |
-| lexicon.parquet | words: raw count, labels, p(tag word) |
+| lexicon.parquet | words: raw count, labels, p(tag given word), evidence of contexts |
 | classifier.parquet | the word classifier's weights of spelling features and of evidence |
 | transitions.parquet | p(next tag previous tag), or a field's potentials |
 | anchors.parquet | anchor words of every tag |
@@ -140,11 +140,12 @@ def check_target(folder: Path) -> None:
 
 
 def in_single_precision(trained: TrainedTagger) -> TrainedTagger:
-    """The tagger with its weights rounded to what `save` keeps."""
-    classifier = trained.lexicon.classifier
+    """The tagger with its weights rounded to what `save` keeps, and without evidence that its model does not look at."""
+    classifier, contexts = trained.lexicon.classifier, trained.lexicon.contexts
     lexicon = replace(
         trained.lexicon,
         probabilities=_single(trained.lexicon.probabilities),
+        contexts=_single(contexts if isinstance(trained.model, ChainModel) else contexts[:, :0]),
         classifier=replace(classifier, spelling=_single(classifier.spelling), evidence=_single(classifier.evidence)),
     )
     model = trained.model

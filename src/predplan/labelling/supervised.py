@@ -208,7 +208,7 @@ class SpellingChainModel:
 
     def token_scores(self, words: Sequence[str], ids: NDArray[np.int64], offsets: NDArray[np.int64]) -> Floats:
         """Potentials of tags [tokens, K], the largest of a token being one."""
-        described = describe(words, np.zeros((len(words), len(self.tags))), self.tags, self.clusters)
+        described = describe(words, *_unseen(words, self.tags), self.tags, self.clusters)
         logs = self.chain.token_scores(self.chain.word_scores(described), ids, offsets)
         return np.asarray(np.exp(logs - logs.max(axis=1, keepdims=True)))
 
@@ -218,7 +218,7 @@ def supervised_chain_model(
 ) -> SpellingChainModel:
     """The conditional random field on labels alone (and clusters, where given)."""
     known: Clusters = {} if clusters is None else clusters
-    described = [describe(words, np.zeros((len(words), len(tags))), tags, known) for words in corpus.words]
+    described = [describe(words, *_unseen(words, tags), tags, known) for words in corpus.words]
     return SpellingChainModel(known, tuple(tags), train_chain(corpus, described, tags, settings))
 
 
@@ -237,3 +237,8 @@ def _type_counts(labels: Mapping[str, Counter[str]], tags: Sequence[str]) -> Flo
         for tag, n in of.items():
             counts[row, number[tag]] = n / of.total()
     return counts
+
+
+def _unseen(words: Sequence[str], tags: Sequence[str]) -> tuple[Floats, Floats]:
+    """Neither posteriors nor contexts."""
+    return np.zeros((len(words), len(tags))), np.zeros((len(words), 0))

@@ -145,7 +145,8 @@ def train_chain_model(
         words = list(dict.fromkeys(word for sentence in inside for word in corpus.words[sentence]))
         classifier = fit_supervised(others, evidence, tags, settings.lexicon)
         posterior = judge(words, classifier, others, evidence, tags, settings.lexicon)
-        description = dict(zip(words, describe(words, posterior, tags, clusters), strict=True))
+        contexts = evidence.rows(words)[:, : 2 * len(tags)]
+        description = dict(zip(words, describe(words, posterior, contexts, tags, clusters), strict=True))
         for sentence in inside:
             described[sentence] = [description[word] for word in corpus.words[sentence]]
     return ChainModel(lexicon, clusters, tags, train_chain(corpus, described, tags, settings.chain))

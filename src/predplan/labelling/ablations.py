@@ -1,0 +1,53 @@
+"""Each knob of the anchor HMM turned by itself, so that every default is backed by a number."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+from predplan.labelling.training import TrainingSettings
+
+VARIATIONS: dict[str, tuple[Any, ...]] = {
+    "moments.context_count": (5, 20, 100),
+    "moments.vectors": (0, 20, 50, 100),
+    "anchors.purity": (0.5, 0.7, 0.9),
+    "anchors.labelled_count": (1, 2, 4),
+    "anchors.raw_count": (20, 100, 500),
+    "posteriors.loss": ("ls", "kl"),
+    "posteriors.smoothing": (5.0, 50.0, 500.0),
+    "folds": (2, 5, 10),
+    "lexicon.inverse_penalty": (0.3, 1.0, 3.0),
+    "lexicon.shrinkage": (0.03, 0.1, 0.3, 1.0),
+    "lexicon.lam": (0.0, 0.5, 1.0),
+    "lexicon.least_count": (1, 2, 5),
+}
+
+
+@dataclass(frozen=True)
+class Variation:
+    """Settings that differ from the default in one component."""
+
+    component: str
+    setting: str
+    default: bool
+    settings: TrainingSettings
+
+
+def variations(default: TrainingSettings) -> Iterator[Variation]:
+    """All variations, the default's own value of each component among them."""
+    for component, values in VARIATIONS.items():
+        own = _get(default, component)
+        for value in values if own in values else (*values, own):
+            yield Variation(component, str(value), value == own, _set(default, component, value))
+
+
+def _get(settings: Any, path: str) -> Any:
+    for name in path.split("."):
+        settings = getattr(settings, name)
+    return settings
+
+
+def _set(settings: Any, path: str, value: Any) -> Any:
+    name, _, rest = path.partition(".")
+    return replace(settings, **{name: _set(getattr(settings, name), rest, value) if rest else value})
