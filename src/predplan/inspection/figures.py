@@ -113,7 +113,7 @@ def to_png(figure: Figure) -> bytes:
     """The figure as a PNG that names no software."""
     buffer = io.BytesIO()
     # savefig would draw twice, and these figures are mostly text, which is slow to draw.
-    FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": None})
+    cast(Any, FigureCanvasAgg(figure)).print_png(buffer, metadata={"Software": None})
     return buffer.getvalue()
 
 

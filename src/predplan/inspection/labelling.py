@@ -50,9 +50,8 @@ def draw_anchors(recording: rr.RecordingStream, artifact: Path) -> Page:
     return Page(
         f"{corpus_of(provenance)}: anchors",
         about("Anchor words", text, provenance, timeline_of(sets)),
-        rrb.Vertical(
-            picture_view("anchors", "Anchors of each tag"), text_view("top", "Most frequent anchors"), row_shares=[3, 2]
-        ),
+        picture_view("anchors", "Anchors of each tag"),
+        text_view("top", "Most frequent anchors"),
         timeline=SETS,
     )
 
@@ -181,7 +180,7 @@ def set_title(subset: str) -> str:
 
 def timeline_of(sets: Mapping[str, pa.Table]) -> str:
     """What the steps of the timeline are."""
-    steps = ", ".join(f"{step}: {size_and_draw}" for step, size_and_draw in enumerate(map(set_title, sets)))
+    steps = "; ".join(f"{step}: {escape(title)}" for step, title in enumerate(map(set_title, sets)))
     return f"**Move along the timeline below** for other training sets ({steps})."
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from predplan.artifacts.tables import read_provenance, read_table
 from predplan.inspection.figures import Panel, Scale, heat_maps
 from predplan.inspection.labelling import SETS, corpus_of, of_method, percent, set_title, subsets, timeline_of
-from predplan.inspection.markdown import about, escape, markdown_table
+from predplan.inspection.markdown import about, escape, markdown_table, viewable
 from predplan.inspection.palette import method_colour, rgb
 from predplan.inspection.recording import Page, log_pictures, log_text, log_texts, picture_view, text_view
 from predplan.labelling.tables import CONFUSION, CURVE, TAGGED
@@ -27,14 +28,13 @@ SHOWN_CONFUSIONS = 15
 
 
 def draw_confusion(recording: rr.RecordingStream, artifact: Path) -> Page:
-    """Given tags by true tag: a tab for each method, a step of the timeline for each training set."""
+    """Given tags by true tag: a tab for each method, a step of the timeline for each size of training set."""
     table, provenance = read_table(artifact, CONFUSION), read_provenance(artifact)
-    sets, methods = subsets(table), pc.unique(table["method"]).to_pylist()
-    tags = pc.unique(pa.chunked_array([*table["gold"].chunks, *table["predicted"].chunks])).to_pylist()
+    sets, methods, tags = _by_size(table), pc.unique(table["method"]).to_pylist(), _by_support(table)
     views = []
     for method, path in zip(methods, entity_names(methods), strict=True):
         matrices = [_confusion(of_method(rows, method), tags) for rows in sets.values()]
-        titles = [f"{method}: {set_title(name)}" for name in sets]
+        titles = [f"{method}: {name}" for name in sets]
         pictures = [_confusion_picture(matrix, tags, title) for matrix, title in zip(matrices, titles, strict=True)]
         log_pictures(recording, f"confusion/{path}", SETS, pictures)
         texts = [
@@ -42,7 +42,7 @@ def draw_confusion(recording: rr.RecordingStream, artifact: Path) -> Page:
         ]
         log_texts(recording, f"mistakes/{path}", SETS, texts)
         picture, mistakes = picture_view(f"confusion/{path}", "Confusion"), text_view(f"mistakes/{path}", "Mistakes")
-        views.append(rrb.Horizontal(picture, mistakes, column_shares=[5, 2], name=method))
+        views.append(rrb.Horizontal(picture, mistakes, column_shares=[5, 2], name=viewable(method)))
     text = (
         "Each row is a true tag and says in percent which tags its test words were given; what is right stands on the "
         "diagonal. A bright cell off the diagonal is a mistake that the method makes again and again. The list beside "
@@ -70,7 +70,7 @@ def draw_tagged(recording: rr.RecordingStream, artifact: Path) -> Page:
         log_texts(recording, f"sentences/{path}", SENTENCE, texts)
         for method, entity in zip(groups, entity_names(list(groups)), strict=True):
             wrong = [float(_wrong(row)) for row in groups[method][:steps]]
-            _log_curve(recording, f"wrong/{path}/{entity}", method, SENTENCE, np.arange(steps), wrong)
+            _log_curve(recording, f"wrong/{path}/{entity}", method, SENTENCE, np.arange(steps), wrong, 1.0)
         plot = rrb.TimeSeriesView(
             origin=f"wrong/{path}",
             name="Wrong tags in each sentence",
@@ -78,7 +78,9 @@ def draw_tagged(recording: rr.RecordingStream, artifact: Path) -> Page:
             plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
         )
         views.append(
-            rrb.Vertical(text_view(f"sentences/{path}", "Sentence"), plot, row_shares=[3, 1], name=set_title(name))
+            rrb.Vertical(
+                text_view(f"sentences/{path}", "Sentence"), plot, row_shares=[3, 1], name=viewable(set_title(name))
+            )
         )
     text = (
         "Each step of the timeline is a test sentence with the tag every word has and the tags it was given. A wrong "
@@ -105,7 +107,7 @@ def draw_curve(recording: rr.RecordingStream, artifact: Path) -> Page:
         drawn = [accuracy[size == at] for at in sizes]
         for name, value in (("mean", np.mean), ("least", np.min), ("greatest", np.max)):
             values = [float(value(of)) for of in drawn]
-            _log_curve(recording, f"curve/{path}/{name}", method, SIZE, sizes, values, thin=name != "mean")
+            _log_curve(recording, f"curve/{path}/{name}", method, SIZE, sizes, values, 2.5 if name == "mean" else 0.7)
         means = dict(zip(sizes.tolist(), (float(of.mean()) for of in drawn), strict=True))
         lines.append((method, means))
     header = ("method", *(f"{size:,}" for size in all_sizes))
@@ -139,6 +141,25 @@ def entity_names(names: Sequence[str]) -> list[str]:
     """Names fit for entity paths, all distinct."""
     plain = ["".join(letter if letter.isalnum() else "_" for letter in name) for name in names]
     return [name if plain.count(name) == 1 else f"{name}_{at}" for at, name in enumerate(plain)]
+
+
+def _by_size(table: pa.Table) -> dict[str, pa.Table]:
+    """The rows of the training sets of each size, all draws together."""
+    parts: dict[str, list[pa.Table]] = {}
+    for name, rows in subsets(table).items():
+        size, _, draw = name.partition("-")
+        parts.setdefault(f"{size} labelled sentences" if draw else name, []).append(rows)
+    return {
+        name if len(rows) == 1 else f"{name}, {len(rows)} draws": pa.concat_tables(rows) for name, rows in parts.items()
+    }
+
+
+def _by_support(table: pa.Table) -> list[str]:
+    """All tags, the ones that most words have first."""
+    words = Counter(dict.fromkeys(table["predicted"].to_pylist(), 0))
+    for gold, n in zip(table["gold"].to_pylist(), table["n"].to_pylist(), strict=True):
+        words[gold] += n
+    return [tag for tag, _ in words.most_common()]
 
 
 def _confusion(rows: pa.Table, tags: Sequence[str]) -> Floats:
@@ -199,9 +220,9 @@ def _log_curve(
     timeline: str,
     steps: NDArray[np.int64],
     values: Sequence[float],
-    thin: bool = False,
+    width: float,
 ) -> None:
-    line = rr.SeriesLines(names=method, colors=rgb(method_colour(method)), widths=0.7 if thin else 2.5)
+    line = rr.SeriesLines(names=viewable(method), colors=rgb(method_colour(method)), widths=width)
     recording.log(path, line, static=True)
     recording.send_columns(path, [rr.TimeColumn(timeline, sequence=steps)], rr.Scalars.columns(scalars=values))
 

@@ -3,17 +3,40 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from predplan.artifacts.provenance import Provenance
 
+LONGEST_LIST = 14
+
+# What Inter draws, the one font the viewer has for text: it may stop working where it meets anything else.
+_DRAWN = (
+    (0x20, 0x7E),
+    (0xA0, 0x148),
+    (0x14A, 0x1C3),
+    (0x1C5, 0x31E),
+    (0x384, 0x3E1),
+    (0x400, 0x49D),
+    (0x4A0, 0x4FF),
+    (0x1E00, 0x1FFF),
+    (0x2010, 0x2027),
+    (0x2030, 0x205E),
+    (0x20A0, 0x20BF),
+    (0x2190, 0x2199),
+)
 _MARKUP = re.compile(r"([\\`*_{}\[\]<>#|~!$&^:+.-])")
 
 
 def escape(text: str) -> str:
-    """Text that Markdown shows as it stands."""
-    return _MARKUP.sub(r"\\\1", text.replace("\n", " "))
+    """Text that Markdown shows as it stands, as far as the viewer can draw it."""
+    return _MARKUP.sub(r"\\\1", viewable(text))
+
+
+def viewable(text: str) -> str:
+    """Text with every character that the viewer cannot draw as its code point, and white space as spaces."""
+    return "".join(_drawn(character) for character in text)
 
 
 def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]], right: Sequence[str] = ()) -> str:
@@ -52,8 +75,16 @@ def cell(value: Any) -> str:
     if isinstance(value, int):
         return f"{value:,}"
     if isinstance(value, list):
-        return " ".join(cell(part) for part in value)
+        parts = [cell(part) for part in value[:LONGEST_LIST]]
+        return " ".join(parts if len(value) <= LONGEST_LIST else [*parts, "…"])
     return escape(str(value))
+
+
+def _drawn(character: str) -> str:
+    code = ord(character)
+    if any(low <= code <= high for low, high in _DRAWN) and unicodedata.category(character) != "Cn":
+        return character
+    return " " if character.isspace() else f"‹{code:X}›"
 
 
 def _flat(prefix: str, value: Any) -> Iterable[tuple[str, str]]:

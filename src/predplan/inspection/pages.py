@@ -21,8 +21,6 @@ from predplan.inspection.labelling_results import draw_confusion, draw_curve, dr
 from predplan.inspection.listing import draw_empty, draw_table
 from predplan.inspection.moments import draw_moments
 from predplan.inspection.recording import Page, import_recording, write_recording
-from predplan.inspection.tagger import draw_tagger
-from predplan.labelling.storage import HEADER
 
 DRAWN: Mapping[str, Callable[[rr.RecordingStream, Path], Page]] = {
     "words": draw_moments,
@@ -37,7 +35,8 @@ DRAWN: Mapping[str, Callable[[rr.RecordingStream, Path], Page]] = {
 """Tables with a page of their own; any other table of ours is listed."""
 
 _NAME = b"predplan.table"
-_KNOWN = f"a table of predplan (.parquet), a folder of a tagger ({HEADER}), or a recording (.rrd, .mcap)"
+_HEADER = "model.json"
+_KNOWN = f"a table of predplan (.parquet), a folder of a tagger ({_HEADER}), or a recording (.rrd, .mcap)"
 
 
 def record(artifact: Path, out: Path) -> None:
@@ -47,9 +46,11 @@ def record(artifact: Path, out: Path) -> None:
     table's columns are not as they should be or a table that belongs to it is missing beside it.
     """
     if artifact.is_dir():
-        write_recording(
-            out, "tagger", _identity(_header(artifact)), None, lambda recording: draw_tagger(recording, artifact)
-        )
+        # Taggers bring the solvers with them, which no table needs.
+        from predplan.inspection.tagger import draw_tagger
+
+        header = _header(artifact)
+        write_recording(out, "tagger", _identity(header), None, lambda recording: draw_tagger(recording, artifact))
     elif not artifact.is_file():
         raise InputError(f"{artifact}: no such file or folder; expected {_KNOWN}")
     elif artifact.suffix == ".rrd":
@@ -92,10 +93,10 @@ def _table(artifact: Path) -> tuple[str, int]:
 
 
 def _header(folder: Path) -> Path:
-    header = folder / HEADER
+    header = folder / _HEADER
     if not header.is_file():
         found = ", ".join(sorted(path.name for path in folder.iterdir())[:5]) or "nothing"
-        raise InputError(f"{folder}: a folder that holds {found} and no {HEADER}; expected {_KNOWN}")
+        raise InputError(f"{folder}: a folder that holds {found} and no {_HEADER}; expected {_KNOWN}")
     return header
 
 

@@ -19,8 +19,8 @@ WARNING = "#ee7733"
 SEQUENTIAL = "magma"
 """Colour map for shares and counts: dark is little."""
 DIVERGING = (
-    (0.0, "#3f86c6"),
-    (0.25, "#173a5a"),
+    (0.0, "#235585"),
+    (0.25, "#122c45"),
     (0.5, "#0d0d0d"),
     (0.65, "#803511"),
     (0.82, "#ee7733"),
@@ -36,28 +36,30 @@ _METHODS: tuple[tuple[frozenset[str], str], ...] = tuple(
         ("crf clusters", "#009988"),
         ("crf", "#66ccee"),
         ("anchor fhmm", "#dd4422"),
-        ("anchor hmm", "#ee7733"),
         ("em fhmm", "#aa8844"),
-        ("em hmm", "#ddcc77"),
-        ("self fhmm", "#88883a"),
-        ("self hmm", "#bbcc66"),
+        ("self training fhmm", "#88883a"),
         ("fhmm", "#7b8fa8"),
-        ("hmm", "#bbbbbb"),
+        ("anchor", "#ee7733"),
+        ("em", "#ddcc77"),
+        ("self training", "#bbcc66"),
+        ("supervised", "#bbbbbb"),
     )
 )
+_PLAIN = frozenset(("hmm", "supervised"))
+"""Words that a name may have or lack without a change of method."""
 _OTHERS = ("#cc6677", "#88ccee", "#44aa99", "#117733", "#aa4499", "#ddcc77", "#999933", "#6688cc")
 
 
 def method_colour(name: str) -> str:
     """Colour of a method as #rrggbb, a function of its name alone.
 
-    A name that says which model and how it was trained ("anchor HMM", "CRF + clusters") has that kind's colour, and
+    A name that says which model and how it was trained ("anchor-fhmm", "crf-clusters") has that kind's colour, and
     further words in it a shade of that colour; any other name has one of eight further colours.
     """
-    words = frozenset(re.findall(r"[a-z]+", name.lower()))
+    words = frozenset(re.findall(r"[a-z0-9]+", name.lower()))
     for kind, colour in _METHODS:
         if kind <= words:
-            return _shade(colour, words - kind)
+            return _shade(colour, words - kind - _PLAIN)
     return _OTHERS[zlib.crc32(name.encode()) % len(_OTHERS)]
 
 
@@ -75,7 +77,7 @@ def _shade(colour: str, words: frozenset[str]) -> str:
     """Mixed with black or white by an amount that the words decide; itself without words."""
     if not words:
         return colour
-    amount = (zlib.crc32(" ".join(sorted(words)).encode()) % 5 - 2) * 0.15
+    amount = (-0.5, -0.35, -0.2, 0.2, 0.35, 0.5)[zlib.crc32(" ".join(sorted(words)).encode()) % 6]
     end = 255 if amount > 0 else 0
     mixed = (round(part + (end - part) * abs(amount)) for part in rgb(colour))
     return "#{:02x}{:02x}{:02x}".format(*mixed)

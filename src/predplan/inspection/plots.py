@@ -49,11 +49,11 @@ def anchor_plot(anchors: pa.Table, title: str) -> bytes:
     rows = np.array([place[tag] for tag in anchors["tag"].to_pylist()])
     count, purity = anchors["count"].to_numpy().astype(float), anchors["purity"].to_numpy()
     least, words = anchors["least_count"].to_numpy(), anchors["word"].to_pylist()
-    with canvas((12.6, 6.0)) as figure:
+    with canvas((12.6, 9.6)) as figure:
         strip, bars = figure.subplots(1, 2, sharey=True, width_ratios=(4, 1))
         shown = np.maximum(count, 1)
         dots = strip.scatter(
-            shown, rows + 0.12, c=purity, cmap=SEQUENTIAL, vmin=0, vmax=1, s=34, edgecolors=FAINT, linewidths=0.5
+            shown, rows + 0.1, c=purity, cmap=SEQUENTIAL, vmin=0, vmax=1, s=46, edgecolors=FAINT, linewidths=0.5
         )
         for row in range(len(tags)):
             of_tag = np.flatnonzero(rows == row)

@@ -16,6 +16,7 @@ import rerun.blueprint as rrb
 from predplan.artifacts.files import write_whole
 from predplan.artifacts.provenance import Provenance
 from predplan.errors import PredplanError
+from predplan.inspection.markdown import viewable
 from predplan.inspection.palette import BACKGROUND, rgb
 
 ABOUT = "about"
@@ -45,7 +46,7 @@ def write_recording(out: Path, kind: str, identity: str, provenance: Provenance 
     recording = rr.RecordingStream(f"predplan_{kind.replace(' ', '_')}", recording_id=identity)
     page = draw(recording)
     log_text(recording, ABOUT, page.about)
-    recording.send_recording_name(page.title)
+    recording.send_recording_name(viewable(page.title))
     if provenance is not None:
         recording.send_property("provenance", rr.AnyValues(json=provenance.to_json()))
     with write_whole(out) as temporary:
@@ -98,12 +99,12 @@ def log_texts(recording: rr.RecordingStream, path: str, timeline: str, texts: Se
 
 def picture_view(path: str, name: str) -> rrb.Spatial2DView:
     """The view of a picture, without a border."""
-    return rrb.Spatial2DView(origin=path, name=name, background=[*rgb(BACKGROUND), 255])
+    return rrb.Spatial2DView(origin=path, name=viewable(name), background=[*rgb(BACKGROUND), 255])
 
 
 def text_view(path: str, name: str) -> rrb.TextDocumentView:
     """The view of a document."""
-    return rrb.TextDocumentView(origin=path, name=name)
+    return rrb.TextDocumentView(origin=path, name=viewable(name))
 
 
 def _steps(timeline: str, count: int) -> rr.TimeColumn:
