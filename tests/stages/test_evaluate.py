@@ -196,5 +196,5 @@ def test_another_table_in_place_of_the_predictions(bench: Bench) -> None:
     schema = replace(PREDICTIONS, name="other")
     path = bench.stage.path("predictions-curve.parquet")
     write_table(path, schema, read_table(path, PREDICTIONS), NONE)
-    with pytest.raises(InputError, match="holds the table 'other', expected 'predictions'.*curve"):
+    with pytest.raises(InputError, match=r"holds the table 'other', expected 'predictions'.*curve"):
         evaluate.main(bench.stage)

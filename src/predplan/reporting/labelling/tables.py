@@ -175,27 +175,29 @@ def comparison_table(corpus: CorpusResults) -> Table:
     groups: defaultdict[tuple[int, str, str], list[Mapping[str, float]]] = defaultdict(list)
     for row in corpus.comparisons:
         groups[size_of(row["subset"]), row["method"], row["other"]].append(row)
+    order = list(METHODS)
     rows: list[tuple[str | Cell, ...]] = []
-    last = 0
-    for (size, method, other), drawn in sorted(groups.items(), key=lambda item: item[0][0]):
-        if size != last:
-            rows.append((f"{size:,} labelled sentences",))
-            last = size
-        mean = summary(row["difference"] for row in drawn).mean
+    last = ""
+    for (size, method, other), drawn in sorted(
+        groups.items(), key=lambda item: (item[0][0], order.index(item[0][1]), order.index(item[0][2]))
+    ):
+        heading = f"{METHODS[method].label}, {size:,} labelled sentences, against"
+        if heading != last:
+            rows.append((heading,))
+            last = heading
         better, worse = sum(row["low"] > 0 for row in drawn), sum(row["high"] < 0 for row in drawn)
-        interval = f"{100 * min(r['low'] for r in drawn):+.1f} to {100 * max(r['high'] for r in drawn):+.1f}"
         rows.append(
             (
-                f"{METHODS[method].label} against {METHODS[other].label}",
-                f"{100 * mean:+.1f}",
-                interval,
+                METHODS[other].label,
+                f"{100 * summary(row['difference'] for row in drawn).mean:+.1f}",
+                f"{100 * min(row['low'] for row in drawn):+.1f} to {100 * max(row['high'] for row in drawn):+.1f}",
                 f"{better} / {worse} of {len(drawn)}",
                 probability(max(row["mcnemar_p"] for row in drawn)),
                 probability(max(row["ks_p"] for row in drawn)),
             )
         )
     return Table(
-        ("Pair", "Difference", "95 % intervals", "Better / worse", "McNemar p", "KS p"),
+        ("Other method", "Difference", "95 % intervals", "Better / worse", "McNemar p", "KS p"),
         tuple(rows),
         f"Differences of accuracy on {corpus.title}, points. The mean over draws; the hull of their 95 % bootstrap "
         "intervals (test sentences drawn anew 1,000 times); in how many draws the whole interval lies above and below "
@@ -208,18 +210,19 @@ def chosen_table(corpus: CorpusResults) -> Table:
     """What was chosen on the development sentences."""
     drawn: defaultdict[tuple[str, int], dict[str, None]] = defaultdict(dict)
     for row in corpus.costs:
-        drawn[row["method"], size_of(row["subset"])][row["chosen"] or MISSING] = None
+        if row["chosen"]:
+            drawn[row["method"], size_of(row["subset"])][row["chosen"]] = None
     dev = summarise(corpus.costs, "dev_accuracy", 100)
     rows = []
     for method in METHODS:
         for size in corpus.sizes:
-            if (method, size) in dev:
+            if (method, size) in drawn:
                 choices = " | ".join(drawn[method, size])
                 rows.append((METHODS[method].label, f"{size:,}", f"{dev[method, size].mean:.1f}", choices))
     return Table(
         ("Method", "Labelled", "Dev accuracy, %", "Chosen"),
         tuple(rows),
-        f"What was chosen on the development sentences of {corpus.title}; where draws differ, each choice.",
+        f"Chosen on the development sentences of {corpus.title}. Where draws differ, each choice is named.",
     )
 
 
@@ -242,8 +245,8 @@ def ablation_table(corpus: CorpusResults) -> Table:
     return Table(
         ("Setting", *(f"{size:,}" for size in sizes)),
         tuple(rows),
-        f"Accuracy of the anchor HMM on the development sentences of {corpus.title}, %, with one thing changed at a "
-        "time, by labelled sentences: mean over draws, beside it their range.",
+        f"Ablations on {corpus.title}. Accuracy of the anchor HMM on the development sentences, %, with one thing "
+        "changed at a time, by labelled sentences: mean over draws, beside it their range.",
     )
 
 
