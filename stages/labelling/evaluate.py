@@ -18,7 +18,6 @@ from predplan.labelling.evaluation import (
     Scores,
     bootstrap_accuracy,
     bootstrap_difference,
-    correctness,
     kolmogorov_smirnov,
     mcnemar,
     score,
@@ -37,8 +36,8 @@ from stages.common import CorpusStage, run_corpus_stage
 from stages.labelling.predictions import (
     MADE_BY,
     OF_TABLES,
+    Answers,
     Run,
-    Tags,
     dev_accuracies,
     known_words,
     methods_by_subset,
@@ -55,39 +54,30 @@ Rows = list[dict[str, Any]]
 
 def main(stage: CorpusStage) -> None:
     gold = read_corpus(stage.path("test_gold.parquet"))
-    tables = {run: tags for name in OF_TABLES for run, tags in read_predictions(stage, name, gold).items()}
+    tables = {run: answers for name in OF_TABLES for run, answers in read_predictions(stage, name, gold).items()}
     if not tables:
         raise InputError(f"predictions of {stage.name}: found no tagged sentence; {remedy(stage)}")
     dev = dev_accuracies(stage, tables)
-    right = {run: correctness(gold, tags) for run, tags in tables.items()}
     known = known_words(stage, {subset for subset, _ in tables})
-    names = tag_order(gold, tables.values())
+    names = tag_order(gold, (answers.tags for answers in tables.values()))
     seed = stage.settings.labelling.seed
-    scores, by_tag, confusion = [], [], []
-    for (subset, method), tags in tables.items():
-        found = score(gold, tags, known[subset], names)
-        interval = bootstrap_accuracy(*right[subset, method], np.random.default_rng(seed), BOOTSTRAP_SAMPLES)
-        run = {"subset": subset, "method": method}
-        scores.append({**run, **overall(found), "low": interval.low, "high": interval.high})
-        by_tag += [{**run, **vars(of_tag)} for of_tag in found.per_tag]
-        confusion += [
-            {**run, "gold": names[i], "predicted": names[j], "n": int(found.confusion[i, j])}
-            for i, j in np.argwhere(found.confusion).tolist()
-        ]
+    scores, by_tag, confusion = score_rows(gold, tables, known, names, seed)
     comparisons = []
     for subset, methods in methods_by_subset(tables).items():
         for method, other in pairs_to_compare({name: dev[subset, name] for name in methods}):
-            comparisons.append(compare(subset, method, other, right, np.random.default_rng(seed)))
-    curve = curve_rows(gold, read_predictions(stage, "curve", gold), tables)
+            comparisons.append(compare(subset, method, other, tables, np.random.default_rng(seed)))
+    curve = curve_rows(read_predictions(stage, "curve", gold), tables)
 
-    inputs = [stage.path(f"{kind}-{name}.parquet") for name in MADE_BY for kind in ("predictions", "costs")]
-    provenance = stage.provenance(stage.path("test_gold.parquet"), *inputs, sizes=stage.corpus.sizes)
+    predictions = [stage.path(f"predictions-{name}.parquet") for name in MADE_BY]
+    costs = [stage.path(f"costs-{name}.parquet") for name in OF_TABLES]
+    inputs = [stage.path("test_gold.parquet"), stage.path("train.parquet"), *predictions, *costs]
+    provenance = stage.provenance(*inputs, sizes=stage.corpus.sizes)
     written: tuple[tuple[str, TableSchema, Rows], ...] = (
         ("scores", SCORES, scores),
         ("tag_scores", TAG_SCORES, by_tag),
         ("confusion", CONFUSION, confusion),
         ("comparisons", COMPARISONS, comparisons),
-        ("tagged", TAGGED, tagged_rows(gold, tables, right, dev)),
+        ("tagged", TAGGED, tagged_rows(gold, tables, dev)),
         ("curve", CURVE, curve),
     )
     for name, schema, rows in written:
@@ -97,12 +87,34 @@ def main(stage: CorpusStage) -> None:
     write_curve(stage.path("curve.csv"), curve)
 
 
-def tag_order(gold: LabelledCorpus, predicted: Iterable[Tags]) -> tuple[str, ...]:
+def tag_order(gold: LabelledCorpus, predicted: Iterable[Sequence[Sequence[str]]]) -> tuple[str, ...]:
     """All tags met, the universal ones in their order, then the others by name."""
     met = {tag for tags in gold.tags for tag in tags if tag is not None}
     met |= {tag for tags_of_run in predicted for tags in tags_of_run for tag in tags}
     universal = [tag for tag in UNIVERSAL_TAGS if tag in met]
     return (*universal, *sorted(met.difference(universal)))
+
+
+def score_rows(
+    gold: LabelledCorpus,
+    tables: Mapping[Run, Answers],
+    known: Mapping[str, frozenset[str]],
+    names: tuple[str, ...],
+    seed: int,
+) -> tuple[Rows, Rows, Rows]:
+    """Rows of the tables of scores, of scores by tag, and of confusions."""
+    scores, by_tag, confusion = [], [], []
+    for (subset, method), answers in tables.items():
+        found = score(gold, answers.tags, known[subset], names)
+        interval = bootstrap_accuracy(answers.right, answers.offsets, np.random.default_rng(seed), BOOTSTRAP_SAMPLES)
+        run = {"subset": subset, "method": method}
+        scores.append({**run, **overall(found), "low": interval.low, "high": interval.high})
+        by_tag += [{**run, **vars(of_tag)} for of_tag in found.per_tag]
+        confusion += [
+            {**run, "gold": names[i], "predicted": names[j], "n": int(found.confusion[i, j])}
+            for i, j in np.argwhere(found.confusion).tolist()
+        ]
+    return scores, by_tag, confusion
 
 
 def overall(found: Scores) -> dict[str, Any]:
@@ -112,10 +124,10 @@ def overall(found: Scores) -> dict[str, Any]:
 
 
 def compare(
-    subset: str, method: str, other: str, right: Mapping[Run, tuple[Any, Any]], rng: np.random.Generator
+    subset: str, method: str, other: str, runs: Mapping[Run, Answers], rng: np.random.Generator
 ) -> dict[str, Any]:
     """A row of the comparisons table."""
-    (first, offsets), (second, _) = right[subset, method], right[subset, other]
+    first, second, offsets = runs[subset, method].right, runs[subset, other].right, runs[subset, method].offsets
     interval = bootstrap_difference(first, second, offsets, rng, BOOTSTRAP_SAMPLES)
     return {
         "subset": subset,
@@ -129,30 +141,28 @@ def compare(
     }
 
 
-def curve_rows(gold: LabelledCorpus, curve: Mapping[Run, Tags], tables: Mapping[Run, Tags]) -> Rows:
+def curve_rows(curve: Mapping[Run, Answers], tables: Mapping[Run, Answers]) -> Rows:
     """Rows of the curve table: the curve's runs, and the tables' runs of the same methods."""
     drawn = {method for _, method in curve}
-    runs = {**curve, **{run: tags for run, tags in tables.items() if run[1] in drawn}}
+    runs = {**curve, **{run: answers for run, answers in tables.items() if run[1] in drawn}}
     order = in_order(drawn)
     rows = []
     for subset, method in sorted(runs, key=lambda run: (order.index(run[1]), size_and_draw(run[0]))):
         size, draw = size_and_draw(subset)
-        accuracy = float(correctness(gold, runs[subset, method])[0].mean())
+        accuracy = float(runs[subset, method].right.mean())
         rows.append({"method": method, "size": size, "draw": draw, "accuracy": accuracy})
     return rows
 
 
-def tagged_rows(
-    gold: LabelledCorpus, tables: Mapping[Run, Tags], right: Mapping[Run, tuple[Any, Any]], dev: Mapping[Run, float]
-) -> Rows:
+def tagged_rows(gold: LabelledCorpus, tables: Mapping[Run, Answers], dev: Mapping[Run, float]) -> Rows:
     """Test sentences as tagged by the method best on dev and by the supervised HMM, on the first small draw."""
     subset, methods = next(iter(methods_by_subset(tables).items()))
     best = max(methods, key=lambda name: dev[subset, name])
     shown = [best, *(name for name in ("supervised",) if name in methods and name != best)]
     rows = []
-    for sentence in examples([right[subset, method] for method in shown]):
+    for sentence in examples([(runs.right, runs.offsets) for runs in (tables[subset, method] for method in shown)]):
         for method in shown:
-            predicted = tables[subset, method][sentence]
+            predicted = tables[subset, method].tags[sentence]
             tags = [tag or "_" for tag in gold.tags[sentence]]
             rows.append(
                 {

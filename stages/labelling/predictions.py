@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from predplan.artifacts.tables import read_table
 from predplan.errors import InputError
@@ -23,10 +26,18 @@ OF_TABLES = ("anchor", "baselines", "stacked")
 
 Run = tuple[str, str]
 """A training set and a method."""
-Tags = list[list[str]]
 
 
-def read_predictions(stage: CorpusStage, name: str, gold: LabelledCorpus) -> dict[Run, Tags]:
+@dataclass(frozen=True)
+class Answers:
+    """A run's tags of the test sentences, and what `correctness` says: right [tokens], offsets [sentences + 1]."""
+
+    tags: list[list[str]]
+    right: NDArray[np.bool_]
+    offsets: NDArray[np.int64]
+
+
+def read_predictions(stage: CorpusStage, name: str, gold: LabelledCorpus) -> dict[Run, Answers]:
     """Tags of every test sentence by training set and method. Raises InputError where sentences are missing or cut."""
     path = stage.path(f"predictions-{name}.parquet")
     rows: defaultdict[Run, dict[int, list[str]]] = defaultdict(dict)
@@ -35,13 +46,13 @@ def read_predictions(stage: CorpusStage, name: str, gold: LabelledCorpus) -> dic
         rows[subset, method][sentence] = tags
     runs = {}
     for (subset, method), found in rows.items():
-        runs[subset, method] = [found[sentence] for sentence in sorted(found)]
+        tags = [found[sentence] for sentence in sorted(found)]
         try:
             if method not in METHODS:
                 raise InputError(f"unknown method; known are {', '.join(METHODS)}")
             if sorted(found) != list(range(len(gold))):
                 raise InputError(f"found {len(found)} sentences, expected each of the {len(gold)} test sentences")
-            correctness(gold, runs[subset, method])
+            runs[subset, method] = Answers(tags, *correctness(gold, tags))
         except InputError as error:
             raise InputError(f"{path}, {method} on {subset}: {error}; {remedy(stage, name)}") from error
     return runs
