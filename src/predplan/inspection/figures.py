@@ -34,6 +34,7 @@ _STYLE = {
     "axes.edgecolor": FAINT,
     "axes.facecolor": BACKGROUND,
     "axes.titlesize": 13.0,
+    "axes.axisbelow": True,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "xtick.color": TEXT,

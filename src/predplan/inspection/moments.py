@@ -37,7 +37,7 @@ def draw_moments(recording: rr.RecordingStream, artifact: Path) -> Page:
     shown = min(SHOWN_WORDS, len(words))
     names = [*words["word"][:shown].to_pylist(), EDGE]
     pairs, total = _top_pairs(bigrams, shown, len(words)), int(pc.sum(bigrams["n"]).as_py())
-    margins = np.append(count[:shown], total - int(count.sum())).astype(float)
+    margins = np.append(count[:shown], max(total - int(count.sum()), 1)).astype(float)
     with np.errstate(divide="ignore", invalid="ignore"):
         association = np.maximum(np.log2(pairs * total / np.outer(margins, margins)), -MOST_BITS)
         logs = np.where(pairs > 0, np.log10(pairs), np.nan)
@@ -79,7 +79,7 @@ def similar_first(association: Floats) -> NDArray[np.intp]:
     profile = np.hstack([association, association.T])[:-1]
     if len(profile) < 3:
         return np.arange(len(association))
-    order = leaves_list(linkage(profile, "average", "cosine", optimal_ordering=True))
+    order = leaves_list(linkage(profile, "average", optimal_ordering=True))
     return np.append(order, len(profile)).astype(np.intp)
 
 

@@ -100,6 +100,6 @@ def residual_plot(residual: Floats) -> bytes:
         axis.axvline(np.log10(RESIDUAL_LIMIT), color=WARNING, label="limit 1e-8")
         axis.set(xlabel="log10 of the KKT residual (1e-17: smaller, or zero)", ylabel="words", yscale="log")
         plain_numbers(axis.yaxis)
-        axis.legend(frameon=False, loc="upper right")
+        axis.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0))
         axis.grid(axis="y")
         return to_png(figure)

@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from rerun.chunk import RrdReader
 
 from predplan.artifacts.files import write_whole
 from predplan.artifacts.provenance import Provenance
-from predplan.errors import PredplanError
+from predplan.errors import InputError, PredplanError
 from predplan.inspection.markdown import viewable
 from predplan.inspection.palette import BACKGROUND, rgb
 
@@ -56,13 +57,16 @@ def write_recording(out: Path, kind: str, identity: str, provenance: Provenance 
 
 
 def import_recording(artifact: Path, out: Path) -> None:
-    """A recording of a file that the viewer itself can read (MCAP)."""
+    """A recording of a file that the viewer itself reads (MCAP). Raises InputError where it finds nothing in it."""
     recording = rr.RecordingStream("predplan_imported", recording_id=artifact.stem)
     recording.log_file_from_path(artifact)
     with write_whole(out) as temporary:
         recording.save(temporary)
         recording.flush()
         recording.disconnect()
+        # The importer reports a broken file on stderr only.
+        if not RrdReader(temporary).store().schema().entity_paths():
+            raise InputError(f"{artifact}: holds no message, or is cut short; expected a whole {artifact.suffix} file")
 
 
 def open_viewer(file: Path) -> None:

@@ -19,7 +19,7 @@ from predplan.labelling.storage import TrainedTagger, load
 
 Floats = NDArray[np.float64]
 
-SHOWN_ANCHORS, SHOWN_FEATURES = 10, 12
+SHOWN_ANCHORS, SHOWN_FEATURES = 8, 7
 
 
 def draw_tagger(recording: rr.RecordingStream, artifact: Path) -> Page:
@@ -71,15 +71,17 @@ def _words(trained: TrainedTagger) -> bytes:
 
 
 def _transitions(trained: TrainedTagger) -> bytes:
-    """p(next tag | tag), or a field's potentials."""
+    """p(next tag | tag), or the logarithms of a field's factors."""
     found = trained.model.transitions
     values = np.vstack(
         [np.append(found.start, np.nan), np.hstack([found.between, found.stop[:, None]])],
     )
     names, axes = (("start", *trained.tags), (*trained.tags, "stop")), ("previous tag", "next tag")
     if isinstance(trained.model, ChainModel):
-        scale, panel = Scale("potential [nat]", DIVERGING, None), Panel("potentials of neighbouring tags", values)
-        return heat_maps([panel], *names, axes, scale, (9.6, 8.4), lambda value: f"{value:.1f}")
+        with np.errstate(divide="ignore"):
+            panel = Panel("logarithms of the factors of neighbouring tags", np.log(values))
+        scale = Scale("log factor [nat]", DIVERGING, None)
+        return heat_maps([panel], *names, axes, scale, (9.6, 8.4), lambda value: f"{value:+.1f}")
     panel = Panel("which tag follows which, in percent", values)
     return heat_maps([panel], *names, axes, Scale("p(next | previous)"), (9.6, 8.4), percent)
 
