@@ -22,6 +22,7 @@ from predplan.labelling.evaluation import (
     mcnemar,
     score,
 )
+from predplan.labelling.methods import METHODS
 from predplan.labelling.sentences import UNIVERSAL_TAGS, LabelledCorpus
 from predplan.labelling.tables import (
     COMPARISONS,
@@ -188,18 +189,14 @@ def metrics(scores: Rows) -> dict[str, dict[str, float]]:
 
 
 def write_curve(path: Path, curve: Sequence[Mapping[str, Any]]) -> None:
-    """The curve as a sheet: a row a size, a column a method, the mean accuracy over draws."""
-    cells: defaultdict[int, defaultdict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
+    """The curve as a sheet: the mean accuracy over draws by method and labelled sentences."""
+    drawn: defaultdict[tuple[str, int], list[float]] = defaultdict(list)
     for row in curve:
-        cells[row["size"]][row["method"]].append(row["accuracy"])
-    methods = list(dict.fromkeys(row["method"] for row in curve))
+        drawn[METHODS[row["method"]].label, row["size"]].append(row["accuracy"])
     with write_whole(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         sheet = csv.writer(file, lineterminator="\n")
-        sheet.writerow(["size", *methods])
-        for size in sorted(cells):
-            sheet.writerow(
-                [size, *(f"{np.mean(cells[size][name]):.4f}" if name in cells[size] else "" for name in methods)]
-            )
+        sheet.writerow(["method", "sentences", "accuracy"])
+        sheet.writerows([*key, f"{np.mean(values):.4f}"] for key, values in drawn.items())
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from predplan.reporting.document import Cell, Table
 from predplan.reporting.labelling import figures, tables
 from predplan.reporting.labelling.section import data_text, labelling_section
 from predplan.reporting.markdown import to_markdown
-from predplan.reporting.page import to_page
+from predplan.reporting.page import linked, to_page
 from tests.reporting.made import made_results
 
 
@@ -94,6 +94,14 @@ def test_page_needs_no_network_and_escapes_words() -> None:
     assert seen.loaded == []
     assert not re.search(r"@import|url\((?!#)", page)
     assert seen.inner <= seen.ids
+
+
+def test_only_web_addresses_become_links() -> None:
+    text = linked("npm corpus@1.9, https://example.org/a.zip; <b>")
+    assert (
+        text
+        == 'npm corpus@1.9, <a href="https://example.org/a.zip" rel="noopener">https://example.org/a.zip</a>; &lt;b&gt;'
+    )
 
 
 def test_report_without_ablations() -> None:
