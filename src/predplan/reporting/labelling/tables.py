@@ -53,6 +53,7 @@ ROWS_3_4 = (
     "anchor",
     "anchor-fhmm",
     "crf",
+    "crf-clusters",
     "crf-posteriors",
     "crf-clusters-posteriors",
 )
@@ -120,7 +121,13 @@ def table_3_2(corpus: CorpusResults) -> Table:
 
 def table_3_3(corpus: CorpusResults) -> Table:
     """Table 3.3: stacked taggers."""
-    return _by_size(corpus, "Table 3.3", "CRF with further features (in the thesis a MEMM)", ROWS_3_3, TABLE_3_3)
+    return _by_size(
+        corpus,
+        "Table 3.3",
+        "CRF with further features (in the thesis a MEMM); all: with a published tag dictionary, if any",
+        ROWS_3_3,
+        TABLE_3_3,
+    )
 
 
 def table_3_4(corpora: Sequence[CorpusResults]) -> Table:
