@@ -5,7 +5,7 @@ from html.parser import HTMLParser
 import pytest
 
 from predplan.reporting.document import Cell, Table
-from predplan.reporting.labelling import figures, tables
+from predplan.reporting.labelling import figures, measurements, tables
 from predplan.reporting.labelling.section import data_text, labelling_section
 from predplan.reporting.markdown import to_markdown
 from predplan.reporting.page import linked, to_page
@@ -46,19 +46,19 @@ def test_malagasy_with_and_without_dictionary(dictionary: bool, number: str) -> 
 
 
 def test_times_in_units_of_the_anchor_hmm() -> None:
-    table = tables.time_table(made_results())
+    table = measurements.time_table(made_results())
     assert cell(table, "EM HMM", "150: to anchor HMM") == "15 ×"
     assert cell(table, "EM HMM", "thesis") == "14.9 h"
 
 
 def test_tests_take_the_least_favourable_draw() -> None:
-    table = tables.comparison_table(made_results())
+    table = measurements.comparison_table(made_results())
     small = next(row for row in table.rows if row[0] == "EM HMM")
     assert small[1:] == ("+15.0", "-1.0 to +30.0", "1 / 0 of 2", ".040", ".500")
 
 
 def test_only_choices_are_listed() -> None:
-    assert {row[0] for row in tables.chosen_table(made_results()).rows} == {"EM HMM"}
+    assert {row[0] for row in measurements.chosen_table(made_results()).rows} == {"EM HMM"}
 
 
 @pytest.mark.parametrize(

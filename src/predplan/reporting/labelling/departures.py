@@ -67,9 +67,9 @@ DEPARTURES: tuple[tuple[str, str], ...] = (
     ),
     (
         "Stacked tagger.",
-        "The thesis adds posteriors to the MEMM of Owoputi et al. (2013). Here they are added to a CRF with the feature "
-        "HMM’s features of words and their neighbours; clusters are learned from our own raw text, and joined on Twitter "
-        "by the published ones of that tagger; all features are those and that tagger’s tag dictionary.",
+        "The thesis adds posteriors to the MEMM of Owoputi et al. (2013). Here they are added to a CRF with the "
+        "feature HMM’s features of words and their neighbours; clusters are learned from our own raw text, and joined "
+        "on Twitter by the published ones of that tagger; all features are those and that tagger’s tag dictionary.",
     ),
     (
         "EM for the feature HMM.",

@@ -14,8 +14,8 @@ from predplan.labelling.sentences import UNIVERSAL_TAGS
 from predplan.palette import GREY, MISTAKE, colour_of
 from predplan.reporting.document import Figure
 from predplan.reporting.drawing import INK, drawing_look, label_ends, new_canvas, to_svg
+from predplan.reporting.labelling.measurements import seconds
 from predplan.reporting.labelling.results import CorpusResults, size_of, summarise, summary
-from predplan.reporting.labelling.tables import seconds
 
 MISTAKES = LinearSegmentedColormap.from_list("mistakes", ["#fbe3d3", MISTAKE, "#6e2f00"])
 SHOWN_FROM = 0.005

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from predplan.labelling.methods import METHODS
 from predplan.reporting.document import Block, Items, Section, Table, Tagged, TaggedWord, Text
-from predplan.reporting.labelling import figures, tables
+from predplan.reporting.labelling import figures, measurements, tables
 from predplan.reporting.labelling.departures import DEPARTURES
 from predplan.reporting.labelling.results import CorpusResults, size_of
 
@@ -41,13 +41,13 @@ def labelling_section(corpora: Sequence[CorpusResults]) -> Section:
 
 def corpus_section(corpus: CorpusResults) -> Section:
     """One corpus: its data, chapter 3's tables and figure, times, tests, mistakes."""
-    chosen: tuple[Block, ...] = (tables.chosen_table(corpus),)
+    chosen: tuple[Block, ...] = (measurements.chosen_table(corpus),)
     ablations: tuple[Block, ...] = (
-        (figures.ablations(corpus), tables.ablation_table(corpus)) if corpus.ablations else ()
+        (figures.ablations(corpus), measurements.ablation_table(corpus)) if corpus.ablations else ()
     )
     sections = (
-        Section("Training times", (figures.training_times(corpus), tables.time_table(corpus)), folded=True),
-        Section("Tests", (figures.differences(corpus), tables.comparison_table(corpus)), folded=True),
+        Section("Training times", (figures.training_times(corpus), measurements.time_table(corpus)), folded=True),
+        Section("Tests", (figures.differences(corpus), measurements.comparison_table(corpus)), folded=True),
         *((Section("Ablations", ablations, folded=True),) if ablations else ()),
         Section("Mistakes", (figures.confusion(corpus), tag_table(corpus), tagged_examples(corpus)), folded=True),
         Section("What was chosen on dev", chosen, folded=True),

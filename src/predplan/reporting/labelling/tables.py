@@ -1,15 +1,14 @@
-"""Tables 3.1 to 3.4, training times and tests, as tables of a report."""
+"""Accuracies: Tables 3.1 to 3.4, and one table of what a user would choose among."""
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from predplan.labelling.methods import METHODS
 from predplan.reporting.document import Cell, Table
-from predplan.reporting.labelling.results import CorpusResults, Summary, size_of, summarise, summary
-from predplan.reporting.labelling.thesis import TABLE_3_1, TABLE_3_2, TABLE_3_3, TABLE_3_4, TRAINING_HOURS
+from predplan.reporting.labelling.results import CorpusResults, Summary, summarise
+from predplan.reporting.labelling.thesis import TABLE_3_1, TABLE_3_2, TABLE_3_3, TABLE_3_4
 
 MISSING = "-"
 Published = Mapping[str, Mapping[int, float]]
@@ -104,7 +103,9 @@ def table_3_1(corpus: CorpusResults) -> Table:
         cells = []
         for side, size in columns:
             method = str(row[side])
-            cells.append(_cell(found.get((method, size)), published.get(method, {}).get(size), best[side, size]))
+            cells.append(
+                accuracy_cell(found.get((method, size)), published.get(method, {}).get(size), best[side, size])
+            )
         rows.append((row[0], *cells))
     names = {1: "HMM", 2: "FHMM"}
     return Table(
@@ -143,7 +144,7 @@ def table_3_4(corpora: Sequence[CorpusResults]) -> Table:
         for corpus, each, top in zip(corpora, found, best, strict=True):
             published = TABLE_3_4.get(method, {}) if corpus.source == "malagasy" else {}
             number = published.get("malagasy with dictionary" if corpus.dictionary else "malagasy")
-            cells.append(_cell(each.get((method, corpus.sizes[-1])), number, top))
+            cells.append(accuracy_cell(each.get((method, corpus.sizes[-1])), number, top))
         rows.append((METHODS[method].label, *cells))
     return Table(
         ("Method", *(f"{corpus.title}, {corpus.sizes[-1]:,}" for corpus in corpora)),
@@ -153,118 +154,13 @@ def table_3_4(corpora: Sequence[CorpusResults]) -> Table:
     )
 
 
-def time_table(corpus: CorpusResults) -> Table:
-    """Training times beside the thesis's, and as multiples of the anchor HMM's."""
-    found = summarise(corpus.costs, "training_s")
-    rows: list[tuple[str | Cell, ...]] = []
-    for method in METHODS:
-        if not any((method, size) in found for size in corpus.sizes):
-            continue
-        cells: list[str | Cell] = [METHODS[method].label]
-        for size in corpus.sizes:
-            time, anchor = found.get((method, size)), found.get(("anchor", size))
-            cells.append(MISSING if time is None else seconds(time.mean))
-            cells.append(MISSING if time is None or anchor is None else f"{time.mean / anchor.mean:.2g} ×")
-        hours = TRAINING_HOURS.get(method) if corpus.source == "twitter" else None
-        rows.append((*cells, MISSING if hours is None else f"{hours} h"))
-    header = [name for size in corpus.sizes for name in (f"{size:,}: time", f"{size:,}: to anchor HMM")]
-    return Table(
-        ("Method", *header, "thesis"),
-        tuple(rows),
-        f"Wall time of training on {corpus.title}, mean over draws, all in one run on one machine; tokenising and "
-        "counting the raw text, which all but the supervised ones need once, are left out. Beside each, how many times "
-        "as long as the anchor HMM took. Thesis: 2.7 million tweets on its machine.",
-    )
-
-
-def comparison_table(corpus: CorpusResults) -> Table:
-    """Differences with intervals and tests, over the draws of each size."""
-    groups: defaultdict[tuple[int, str, str], list[Mapping[str, float]]] = defaultdict(list)
-    for row in corpus.comparisons:
-        groups[size_of(row["subset"]), row["method"], row["other"]].append(row)
-    order = list(METHODS)
-    rows: list[tuple[str | Cell, ...]] = []
-    last = ""
-    for (size, method, other), drawn in sorted(
-        groups.items(), key=lambda item: (item[0][0], order.index(item[0][1]), order.index(item[0][2]))
-    ):
-        heading = f"{METHODS[method].label}, {size:,} labelled sentences, against"
-        if heading != last:
-            rows.append((heading,))
-            last = heading
-        better, worse = sum(row["low"] > 0 for row in drawn), sum(row["high"] < 0 for row in drawn)
-        rows.append(
-            (
-                METHODS[other].label,
-                f"{100 * summary(row['difference'] for row in drawn).mean:+.1f}",
-                f"{100 * min(row['low'] for row in drawn):+.1f} to {100 * max(row['high'] for row in drawn):+.1f}",
-                f"{better} / {worse} of {len(drawn)}",
-                probability(max(row["mcnemar_p"] for row in drawn)),
-                probability(max(row["ks_p"] for row in drawn)),
-            )
-        )
-    return Table(
-        ("Other method", "Difference", "95 % intervals", "Better / worse", "McNemar p", "KS p"),
-        tuple(rows),
-        f"Differences of accuracy on {corpus.title}, points. The mean over draws; the hull of their 95 % bootstrap "
-        "intervals (test sentences drawn anew 1,000 times); in how many draws the whole interval lies above and below "
-        "zero; and the largest p-value over draws of McNemar's test and of the thesis's Kolmogorov-Smirnov test. "
-        "p-values are not corrected for the number of pairs.",
-    )
-
-
-def chosen_table(corpus: CorpusResults) -> Table:
-    """What was chosen on the development sentences."""
-    drawn: defaultdict[tuple[str, int], dict[str, None]] = defaultdict(dict)
-    for row in corpus.costs:
-        if row["chosen"]:
-            drawn[row["method"], size_of(row["subset"])][row["chosen"]] = None
-    dev = summarise(corpus.costs, "dev_accuracy", 100)
-    rows = []
-    for method in METHODS:
-        for size in corpus.sizes:
-            if (method, size) in drawn:
-                choices = " | ".join(drawn[method, size])
-                rows.append((METHODS[method].label, f"{size:,}", f"{dev[method, size].mean:.1f}", choices))
-    return Table(
-        ("Method", "Labelled", "Dev accuracy, %", "Chosen"),
-        tuple(rows),
-        f"Chosen on the development sentences of {corpus.title}. Where draws differ, each choice is named.",
-    )
-
-
-def ablation_table(corpus: CorpusResults) -> Table:
-    """Accuracy on dev with one thing changed at a time."""
-    found: defaultdict[tuple[str, str, bool], defaultdict[int, list[float]]] = defaultdict(lambda: defaultdict(list))
-    for row in corpus.ablations:
-        found[row["component"], row["setting"], row["default"]][size_of(row["subset"])].append(
-            100 * row["dev_accuracy"]
-        )
-    sizes = sorted({size for each in found.values() for size in each})
-    rows: list[tuple[str | Cell, ...]] = []
-    last = ""
-    for (component, setting, default), by_size in found.items():
-        if component != last:
-            rows.append((component,))
-            last = component
-        cells = [_cell(summary(by_size[size]) if size in by_size else None, None, 0.0) for size in sizes]
-        rows.append((f"{setting} (default)" if default else setting, *cells))
-    return Table(
-        ("Setting", *(f"{size:,}" for size in sizes)),
-        tuple(rows),
-        f"Ablations on {corpus.title}. Accuracy of the anchor HMM on the development sentences, %, with one thing "
-        "changed at a time, by labelled sentences: mean over draws, beside it their range.",
-    )
-
-
-def seconds(time_s: float) -> str:
-    """A time in s with two digits."""
-    return f"{time_s:.2g} s" if time_s < 10 else f"{time_s:,.0f} s"
-
-
-def probability(p: float) -> str:
-    """A p-value, not below what it means."""
-    return "< .001" if p < 0.001 else f"{p:.3f}".removeprefix("0")
+def accuracy_cell(found: Summary | None, published: float | None, best: float) -> Cell:
+    """A mean with its range, the published number, and whether it is the best of its column or row."""
+    thesis = "" if published is None else f"{published:g}" if published % 1 else f"{published:.1f}"
+    if found is None:
+        return Cell(MISSING, published=thesis)
+    spread = f"{found.low:.1f}–{found.high:.1f}" if found.draws > 1 else ""
+    return Cell(f"{found.mean:.1f}", spread, thesis, round(found.mean, 1) >= round(best, 1) > 0)
 
 
 def _by_size(
@@ -276,7 +172,8 @@ def _by_size(
     rows: list[tuple[str | Cell, ...]] = []
     for label, method in methods:
         cells = [
-            _cell(found.get((method, size)), published.get(method, {}).get(size), best[size]) for size in corpus.sizes
+            accuracy_cell(found.get((method, size)), published.get(method, {}).get(size), best[size])
+            for size in corpus.sizes
         ]
         rows.append((label, *cells))
     return Table(
@@ -288,15 +185,7 @@ def _by_size(
 
 def _row(values: Sequence[Summary | None]) -> list[Cell]:
     best = max((value.mean for value in values if value), default=0.0)
-    return [replace(_cell(value, None, best), spread="") for value in values]
-
-
-def _cell(found: Summary | None, published: float | None, best: float) -> Cell:
-    thesis = "" if published is None else f"{published:g}" if published % 1 else f"{published:.1f}"
-    if found is None:
-        return Cell(MISSING, published=thesis)
-    spread = f"{found.low:.1f}–{found.high:.1f}" if found.draws > 1 else ""
-    return Cell(f"{found.mean:.1f}", spread, thesis, round(found.mean, 1) >= round(best, 1) > 0)
+    return [replace(accuracy_cell(value, None, best), spread="") for value in values]
 
 
 def _mean(found: Mapping[tuple[str, int], Summary], key: tuple[str | None, int]) -> float:
