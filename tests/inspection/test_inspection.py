@@ -12,9 +12,10 @@ from rerun.chunk import RrdReader
 
 from predplan import inspection
 from predplan.errors import InputError, PredplanError
+from predplan.inspection.markdown import escape
 from predplan.labelling import AnchorTagger
 from predplan.labelling.readers import RawText, read_raw
-from tests.inspection.samples import METHODS, SETS, write_empty, write_sample
+from tests.inspection.samples import METHODS, SETS, VOCABULARY, write_empty, write_sample
 from tests.labelling.generated import draw_corpus, write_raw
 
 PICTURE, TEXT, CURVE = "EncodedImage:blob", "TextDocument:text", "Scalars:scalars"
@@ -74,6 +75,20 @@ def test_an_empty_table_says_so(tmp_path: Path, name: str) -> None:
     found = read_back(tmp_path / "out.rrd")
     assert found["/rows", TEXT][1] == ["The table has no rows."]
     assert "tiny" in found["/about", TEXT][1][0]
+
+
+def test_pairs_have_the_counts_of_the_bigrams(tmp_path: Path) -> None:
+    artifact = write_sample(tmp_path, "words")
+    inspection.record(artifact, tmp_path / "out.rrd")
+    names = [escape(word) for word in (*VOCABULARY, "‹edge›")]
+    pairs = pq.read_table(tmp_path / "bigrams.parquet").to_pylist()
+    counted = {(names[row["previous"]], names[row["next"]]): row["n"] for row in pairs}
+    rows = [
+        line.strip("| ").split(" | ") for line in read_back(tmp_path / "out.rrd")["/pairs", TEXT][1][0].splitlines()
+    ]
+    shown = {(row[0], row[1]): int(row[2]) for row in rows[4:]}
+    assert len(shown) == 20
+    assert shown.items() <= counted.items()
 
 
 def test_curves_are_the_mean_between_least_and_greatest(tmp_path: Path) -> None:

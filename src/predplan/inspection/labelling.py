@@ -39,7 +39,7 @@ def draw_anchors(recording: rr.RecordingStream, artifact: Path) -> Page:
     table, provenance = read_table(artifact, ANCHORS), read_provenance(artifact)
     sets = subsets(table)
     log_pictures(recording, "anchors", SETS, [anchor_plot(rows, set_title(name)) for name, rows in sets.items()])
-    texts = [f"## {set_title(name)}\n\n{_anchor_table(rows)}" for name, rows in sets.items()]
+    texts = [f"## {set_title(name)}\n\n{_anchor_table(rows, provenance)}" for name, rows in sets.items()]
     log_texts(recording, "top", SETS, texts)
     text = (
         "An anchor is a word that stands for one tag; what surrounds the anchors of a tag tells what surrounds the "
@@ -198,9 +198,11 @@ def percent(value: float) -> str:
     return f"{100 * value:.0f}" if value >= 0.005 else ""
 
 
-def _anchor_table(rows: pa.Table) -> str:
+def _anchor_table(rows: pa.Table, provenance: Provenance) -> str:
     lines = []
-    usual = [max(rows[name].to_pylist()) for name in ("least_labelled", "least_count", "least_purity")]
+    asked = provenance.params.get("anchors", {})
+    settings = {"labelled_count": "least_labelled", "raw_count": "least_count", "purity": "least_purity"}
+    usual = [asked.get(setting, max(rows[name].to_pylist())) for setting, name in settings.items()]
     for tag in pc.unique(rows["tag"]).to_pylist():
         of_tag = rows.filter(pc.equal(rows["tag"], tag)).sort_by([("count", "descending")])
         found = [of_tag[name][0].as_py() for name in ("least_labelled", "least_count", "least_purity")]

@@ -75,7 +75,7 @@ def cell(value: Any) -> str:
     if isinstance(value, int):
         return f"{value:,}"
     if isinstance(value, list):
-        parts = [cell(part) for part in value[:LONGEST_LIST]]
+        parts = [f"{part:.3f}" if isinstance(part, float) else cell(part) for part in value[:LONGEST_LIST]]
         return " ".join(parts if len(value) <= LONGEST_LIST else [*parts, "…"])
     return escape(str(value))
 

@@ -38,11 +38,11 @@ def draw_moments(recording: rr.RecordingStream, artifact: Path) -> Page:
     names = [*words["word"][:shown].to_pylist(), EDGE]
     pairs, total = _top_pairs(bigrams, shown, len(words)), int(pc.sum(bigrams["n"]).as_py())
     margins = np.append(count[:shown], max(total - int(count.sum()), 1)).astype(float)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        association = np.maximum(np.log2(pairs * total / np.outer(margins, margins)), -MOST_BITS)
-        logs = np.where(pairs > 0, np.log10(pairs), np.nan)
+    expected = np.outer(margins, margins) / total
+    association = np.log2((pairs + 1.0) / (expected + 1.0))
+    logs = np.log10(np.where(pairs > 0, pairs, np.nan))
     order = similar_first(association)
-    scale = Scale("PMI [bits]", DIVERGING, (-MOST_BITS, MOST_BITS))
+    scale = Scale("association [bit]", DIVERGING, (-MOST_BITS, MOST_BITS))
     log_picture(recording, "association", _pair_picture(names, order, association, scale))
     scale = Scale("log10 of occurrences", limits=None)
     log_picture(recording, "counts", _pair_picture(names, np.arange(len(names)), logs, scale))
@@ -56,7 +56,10 @@ def draw_moments(recording: rr.RecordingStream, artifact: Path) -> Page:
         "lie next to each other. The blocks are what the method learns tags from: words of one class keep the same "
         "company."
     )
-    figures = f"{int(count.sum()):,} tokens, {len(words):,} words, {len(bigrams):,} distinct pairs."
+    figures = (
+        f"{int(count.sum()):,} tokens, {len(words):,} words, {len(bigrams):,} distinct pairs. Association is log2 of a "
+        "pair's count over what chance would give, one occurrence added to both."
+    )
     return Page(
         f"{corpus_of(provenance)}: moments",
         about("Moments of raw text", text, provenance, figures),
@@ -95,5 +98,5 @@ def _strongest(names: Sequence[str], pairs: Floats, association: Floats) -> str:
         for a, b in zip(*np.unravel_index(order, pairs.shape), strict=True)
         if pairs[a, b]
     ]
-    header = ("a word", "the word after it", "times", "PMI [bits]")
+    header = ("a word", "the word after it", "times", "association [bit]")
     return f"## The strongest pairs\n\n{markdown_table(header, lines, header[2:])}"

@@ -72,7 +72,7 @@ def import_recording(artifact: Path, out: Path) -> None:
 def open_viewer(file: Path) -> None:
     """Open the viewer on a file and wait until it is closed; its server listens on this machine's loopback only."""
     command = [sys.executable, "-m", "rerun", str(file), "--bind", "127.0.0.1", "--port", "auto"]
-    environment = {**os.environ, "RERUN_ANALYTICS_ENABLED": "0"}
+    environment = {"RUST_LOG": "error", **os.environ, "RERUN_ANALYTICS_ENABLED": "0"}
     if subprocess.run(command, env=environment, check=False).returncode:
         raise PredplanError(
             "the viewer ended with an error; is there a screen? --save FILE.rrd writes a recording instead"
