@@ -6,7 +6,7 @@ from collections import defaultdict
 
 import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
-from matplotlib.ticker import FixedLocator, NullLocator
+from matplotlib.ticker import FixedLocator, LogLocator, NullLocator
 
 from predplan.labelling.comparing import in_order
 from predplan.labelling.methods import METHODS
@@ -79,6 +79,8 @@ def training_times(corpus: CorpusResults) -> Figure:
                 seconds(time.mean), (time.high, row), (6, 0), textcoords="offset points", va="center", fontsize=8
             )
         axes.set_xscale("log")
+        axes.xaxis.set_major_locator(LogLocator(numticks=6))
+        axes.xaxis.set_minor_locator(NullLocator())
         axes.xaxis.set_major_formatter("{x:g}")
         axes.set_yticks(range(len(methods)), [METHODS[method].label for method in methods])
         axes.set_ylim(-0.7, len(methods) - 0.3)

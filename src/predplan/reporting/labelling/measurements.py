@@ -23,14 +23,14 @@ def time_table(corpus: CorpusResults) -> Table:
         for size in corpus.sizes:
             time, anchor = found.get((method, size)), found.get(("anchor", size))
             cells.append(MISSING if time is None else seconds(time.mean))
-            cells.append(MISSING if time is None or anchor is None else f"{time.mean / anchor.mean:.2g} ×")
+            cells.append(MISSING if time is None or anchor is None else _times(time.mean / anchor.mean))
         hours = TRAINING_HOURS.get(method) if corpus.source == "twitter" else None
         rows.append((*cells, MISSING if hours is None else f"{hours} h"))
     header = [name for size in corpus.sizes for name in (f"{size:,}: time", f"{size:,}: to anchor HMM")]
     return Table(
         ("Method", *header, "thesis"),
         tuple(rows),
-        f"Wall time of training on {corpus.title}, mean over draws, all in one run on one machine; tokenising and "
+        f"Training times on {corpus.title}. Wall time, mean over draws, all in one run on one machine; tokenising and "
         "counting the raw text, which all but the supervised ones need once, are left out. Beside each, how many times "
         "as long as the anchor HMM took. Thesis: 2.7 million tweets on its machine.",
     )
@@ -117,10 +117,14 @@ def ablation_table(corpus: CorpusResults) -> Table:
 
 
 def seconds(time_s: float) -> str:
-    """A time in s with two digits."""
-    return f"{time_s:.2g} s" if time_s < 10 else f"{time_s:,.0f} s"
+    """A time in s with two digits, not below what a clock tells."""
+    return "< 0.001 s" if time_s < 0.001 else f"{time_s:#.2g} s" if time_s < 10 else f"{time_s:,.0f} s"
 
 
 def probability(p: float) -> str:
     """A p-value, not below what it means."""
     return "< .001" if p < 0.001 else f"{p:.3f}".removeprefix("0")
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.2g} ×" if ratio < 10 else f"{ratio:,.0f} ×"

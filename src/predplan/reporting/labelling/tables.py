@@ -125,7 +125,7 @@ def table_3_3(corpus: CorpusResults) -> Table:
     return _by_size(
         corpus,
         "Table 3.3",
-        "CRF with further features (in the thesis a MEMM); all: with a published tag dictionary, if any",
+        "CRF with further features. In the thesis a MEMM; all features add a published tag dictionary where one exists",
         ROWS_3_3,
         TABLE_3_3,
     )
