@@ -15,6 +15,7 @@ from predplan.errors import InputError, PredplanError
 from predplan.inspection.markdown import escape
 from predplan.labelling import AnchorTagger
 from predplan.labelling.readers import RawText, read_raw
+from predplan.palette import colour_of
 from tests.inspection.samples import METHODS, SETS, VOCABULARY, write_empty, write_sample
 from tests.labelling.generated import draw_corpus, write_raw
 
@@ -98,6 +99,17 @@ def test_curves_are_the_mean_between_least_and_greatest(tmp_path: Path) -> None:
     assert drawn["least"] == pytest.approx([52.0, 55.0])
     assert drawn["mean"] == pytest.approx([52.5, 55.5])
     assert drawn["greatest"] == pytest.approx([53.0, 56.0])
+
+
+def test_a_method_has_the_colour_it_has_in_the_report(tmp_path: Path) -> None:
+    inspection.record(write_sample(tmp_path, "curve"), tmp_path / "out.rrd")
+    for chunk in RrdReader(tmp_path / "out.rrd").stream().to_chunks():
+        batch = chunk.to_record_batch()
+        if "SeriesLines:colors" in batch.schema.names and chunk.entity_path.startswith("/curve/anchor"):
+            assert f"{batch['SeriesLines:colors'][0].as_py()[0]:08x}" == f"{colour_of('anchor')[1:]}ff"
+            break
+    else:
+        pytest.fail("no curve has a colour")
 
 
 def test_wrong_tags_are_marked(tmp_path: Path) -> None:

@@ -17,9 +17,10 @@ from predplan.artifacts.tables import read_provenance, read_table
 from predplan.inspection.figures import Panel, Scale, heat_maps
 from predplan.inspection.labelling import SETS, corpus_of, of_method, percent, set_title, subsets, timeline_of
 from predplan.inspection.markdown import about, escape, markdown_table, viewable
-from predplan.inspection.palette import method_colour, rgb
+from predplan.inspection.palette import rgb
 from predplan.inspection.recording import Page, log_pictures, log_text, log_texts, picture_view, text_view
 from predplan.labelling.tables import CONFUSION, CURVE, TAGGED
+from predplan.palette import colour_of
 
 Floats = NDArray[np.float64]
 
@@ -222,7 +223,7 @@ def _log_curve(
     values: Sequence[float],
     width: float,
 ) -> None:
-    line = rr.SeriesLines(names=viewable(method), colors=rgb(method_colour(method)), widths=width)
+    line = rr.SeriesLines(names=viewable(method), colors=rgb(colour_of(method)), widths=width)
     recording.log(path, line, static=True)
     recording.send_columns(path, [rr.TimeColumn(timeline, sequence=steps)], rr.Scalars.columns(scalars=values))
 
