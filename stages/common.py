@@ -30,6 +30,10 @@ class CorpusStage:
         """Where an artifact of this corpus lies."""
         return self.folder / artifact
 
+    def result(self, name: str) -> Path:
+        """Where a result of this corpus lies, in the folder that holds all that the report tells."""
+        return Path(self.settings.out) / "results" / "labelling" / self.name / name
+
     def provenance(self, *inputs: Path, **params: Any) -> Provenance:
         """Provenance of an artifact made from `inputs` with the settings `params`."""
         return Provenance(

@@ -30,7 +30,7 @@ SUMMARY = (
 def main(params: Path, out: Path) -> None:
     """Read every system's results and write the report into the folder `out`."""
     settings = load_settings(params)
-    folder = Path(settings.out) / "labelling"
+    folder = Path(settings.out) / "results" / "labelling"
     corpora = [read_results(folder / name, name, corpus) for name, corpus in settings.labelling.corpora.items()]
     if not corpora:
         raise InputError(f"{params}: labelling.corpora is empty; expected one corpus at least")

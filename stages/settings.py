@@ -89,6 +89,9 @@ class LabellingSettings(Component):
     feature_iterations: Annotated[int, Field(ge=1)] = 3
     """The same for the feature HMM."""
 
+    ablation_draws: Annotated[int, Field(ge=1)] = 1
+    """Training sets of the first size on which each knob is turned."""
+
     training: TrainingSettings = TrainingSettings()
     """Knobs of the anchor models."""
 
@@ -113,6 +116,9 @@ class Settings(Component):
 
     scheduler: SchedulerAddress | None = None
     """Address of a Dask scheduler whose workers take the place of processes."""
+
+    reports: str
+    """Folder of the report, relative to root."""
 
     labelling: LabellingSettings
     """The labelling branch."""

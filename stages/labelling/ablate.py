@@ -17,8 +17,8 @@ from predplan.labelling.training import learn_evidence, raw_statistics
 from predplan.labelling.transitions import counted_transitions
 from predplan.parallel import run
 from stages.common import CorpusStage, run_corpus_stage
-from stages.labelling.trained import dev_accuracy
 from stages.labelling.subsets import TrainingSet, read_tags, training_sets
+from stages.labelling.trained import dev_accuracy
 
 
 def main(stage: CorpusStage) -> None:
@@ -26,7 +26,7 @@ def main(stage: CorpusStage) -> None:
     names = ("train.parquet", "dev.parquet", "bigrams.parquet")
     provenance = stage.provenance(*map(stage.path, names), training=labelling.training)
     bigrams = read_bigrams(stage.path("words.parquet"), stage.path("bigrams.parquet"))
-    drawn = training_sets(stage, stage.corpus.sizes[:1])
+    drawn = training_sets(stage, stage.corpus.sizes[:1])[: labelling.ablation_draws]
     work = partial(
         measure,
         bigrams=bigrams,

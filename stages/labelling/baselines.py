@@ -19,8 +19,8 @@ from predplan.labelling.semisupervised import (
 from predplan.labelling.supervised import add_one_model, supervised_feature_model, supervised_model
 from predplan.labelling.tables import VOCABULARY, open_token_batches
 from stages.common import CorpusStage, run_corpus_stage
-from stages.labelling.trained import Sentences, Trained, dev_accuracy, predict, write_predicted
 from stages.labelling.subsets import TrainingSet, read_tags, training_sets
+from stages.labelling.trained import Sentences, Trained, dev_accuracy, predict, write_predicted
 
 
 def main(stage: CorpusStage) -> None:
@@ -49,7 +49,9 @@ def train(
     def chosen(name: str, passes: Iterator[Iteration[SequenceModel]], limit: int) -> Trained:
         start = time.perf_counter()
         model, scores = best_iteration(passes, lambda model: dev_accuracy(model, sentences.dev, tags), limit)
-        return Trained(name, model, time.perf_counter() - start, f"pass {scores.index(max(scores))} of {len(scores) - 1}")
+        return Trained(
+            name, model, time.perf_counter() - start, f"pass {scores.index(max(scores))} of {len(scores) - 1}"
+        )
 
     def once(name: str, make: Callable[[], SequenceModel]) -> Trained:
         start = time.perf_counter()

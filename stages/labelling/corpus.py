@@ -55,7 +55,9 @@ def load(stage: CorpusStage) -> corpora.Corpus:
         tagmap = None if settings.tagmap is None else read_tagmap(settings.tagmap)
         return corpora.load_own(settings.files, settings.style, tagmap)
     if settings.split is None:
-        raise InputError(f"labelling.corpora.{stage.name}.split: missing; source {settings.source} has no parts of its own")
+        raise InputError(
+            f"labelling.corpora.{stage.name}.split: missing; source {settings.source} has no parts of its own"
+        )
     load_cut = corpora.load_brown if settings.source == "brown" else corpora.load_turkish
     return load_cut(mirror, folder, settings.split)
 

@@ -8,7 +8,12 @@ from functools import partial
 
 from predplan.labelling.lexicon import build_lexicon
 from predplan.labelling.models import HiddenMarkovModel, SequenceModel
-from predplan.labelling.supervised import BaselineSettings, supervised_chain_model, supervised_feature_model, supervised_model
+from predplan.labelling.supervised import (
+    BaselineSettings,
+    supervised_chain_model,
+    supervised_feature_model,
+    supervised_model,
+)
 from predplan.labelling.training import (
     RawStatistics,
     TrainingSettings,
@@ -19,8 +24,8 @@ from predplan.labelling.training import (
 from predplan.labelling.transitions import counted_transitions
 from predplan.parallel import run
 from stages.common import CorpusStage, run_corpus_stage
-from stages.labelling.trained import Predicted, Sentences, Trained, predict, write_predicted
 from stages.labelling.subsets import TrainingSet, read_statistics, read_tags, training_sets
+from stages.labelling.trained import Predicted, Sentences, Trained, predict, write_predicted
 
 
 @dataclass(frozen=True)
@@ -56,7 +61,8 @@ def main(stage: CorpusStage) -> None:
 def point(drawn: TrainingSet, inputs: CurveInputs) -> list[Predicted]:
     """What each method, trained on one training set, predicts."""
     return [
-        predict(drawn.name, Trained(name, model, 0.0), inputs.sentences, inputs.tags) for name, model in models(drawn, inputs)
+        predict(drawn.name, Trained(name, model, 0.0), inputs.sentences, inputs.tags)
+        for name, model in models(drawn, inputs)
     ]
 
 
@@ -67,9 +73,13 @@ def models(drawn: TrainingSet, inputs: CurveInputs) -> Iterator[tuple[str, Seque
     yield "supervised-fhmm", supervised_feature_model(drawn.corpus, tags, inputs.baselines)
     yield "crf", supervised_chain_model(drawn.corpus, tags, inputs.baselines.chain)
     _, _, evidence = learn_evidence(inputs.raw, known, tags, training, inputs.seed)
-    lexicon, transitions = build_lexicon(known, evidence, tags, training.lexicon), counted_transitions(drawn.corpus, tags)
+    lexicon, transitions = (
+        build_lexicon(known, evidence, tags, training.lexicon),
+        counted_transitions(drawn.corpus, tags),
+    )
     yield "anchor", HiddenMarkovModel(lexicon, transitions)
-    yield "anchor-fhmm", train_feature_model(lexicon, transitions, training.emission_penalty)
+    words, probabilities = list(lexicon.word_ids), lexicon.probabilities
+    yield "anchor-fhmm", train_feature_model(words, lexicon.count, probabilities, transitions, training)
     yield (
         "crf-posteriors",
         train_chain_model(drawn.corpus, known.dictionary, lexicon, evidence, {}, tags, training, inputs.seed),

@@ -1,15 +1,18 @@
-"""Fit p(tag | word) of every word for each training set (section 3.3.4): posteriors.parquet."""
+"""Fit p(tag | word) of every word for each training set (section 3.3.4): posteriors.parquet; emissions.json says how long."""
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
+from predplan.artifacts.files import write_json
 from predplan.artifacts.tables import open_writer, read_table
 from predplan.labelling.lexicon import build_lexicon
-from predplan.labelling.posteriors import cross_fitted_posteriors
 from predplan.labelling.tables import ANCHORS, POSTERIORS, rows_of
-from predplan.labelling.training import RawStatistics, gather_evidence
+from predplan.labelling.training import RawStatistics, gather_evidence, judge_contexts
 from stages.common import CorpusStage, run_corpus_stage
 from stages.labelling.subsets import read_statistics, read_tags, training_sets
 
@@ -19,13 +22,14 @@ def main(stage: CorpusStage) -> None:
     inputs = [stage.path(name) for name in ("anchors.parquet", "bigrams.parquet")]
     provenance = stage.provenance(*inputs, training=settings.training)
     anchors = read_table(stage.path("anchors.parquet"), ANCHORS)
+    seconds = {}
     with open_writer(stage.path("posteriors.parquet"), POSTERIORS, provenance) as write:
         for drawn in training_sets(stage, stage.corpus.sizes):
             chosen = anchor_matrix(anchors, drawn.name, raw, tags)
-            rng = np.random.default_rng(settings.seed)
-            training = settings.training
-            contexts = cross_fitted_posteriors(raw.moments, chosen, training.posteriors, training.folds, rng)
+            training, start = settings.training, time.perf_counter()
+            contexts = judge_contexts(raw, drawn.supervision, chosen, training, settings.seed)
             lexicon = build_lexicon(drawn.supervision, gather_evidence(raw, contexts), tags, training.lexicon)
+            seconds[drawn.name] = time.perf_counter() - start
             known = [word for word in lexicon.word_ids if word in raw.word_ids]
             ids = np.array([raw.word_ids[word] for word in known])
             write(
@@ -41,9 +45,10 @@ def main(stage: CorpusStage) -> None:
                     }
                 )
             )
+    write_json(stage.path("emissions.json"), {"seconds": seconds})
 
 
-def anchor_matrix(anchors: pa.Table, subset: str, raw: RawStatistics, tags: tuple[str, ...]) -> np.ndarray:
+def anchor_matrix(anchors: pa.Table, subset: str, raw: RawStatistics, tags: tuple[str, ...]) -> NDArray[np.bool_]:
     """Which words [V, K] are anchors of which tags in one training set."""
     chosen = np.zeros((len(raw.word_ids), len(tags)), np.bool_)
     for row in anchors.to_pylist():

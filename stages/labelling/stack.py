@@ -11,8 +11,8 @@ from predplan.labelling.readers import read_letter_dictionary
 from predplan.labelling.supervised import supervised_chain_model
 from predplan.labelling.training import RawStatistics, train_chain_model
 from stages.common import CorpusStage, run_corpus_stage
-from stages.labelling.trained import Sentences, Trained, predict, write_predicted
 from stages.labelling.subsets import TrainingSet, read_evidence, read_statistics, read_tags, training_sets
+from stages.labelling.trained import Sentences, Trained, emission_seconds, predict, write_predicted
 
 CMU_CLUSTERS, CMU_DICTIONARY = "fetched/labelled/6mpaths", "fetched/labelled/tagdict.txt"
 
@@ -58,6 +58,7 @@ def train(
 ) -> Iterator[Trained]:
     """A field for each list of words, without and with the posteriors."""
     labelling = stage.settings.labelling
+    seconds = emission_seconds(stage)
     evidence, lexicon = read_evidence(stage, drawn, raw, tags)
     for name, clusters in lists.items():
         start = time.perf_counter()
@@ -74,7 +75,7 @@ def train(
             labelling.training,
             labelling.seed,
         )
-        yield Trained(f"{name}-posteriors", stacked, time.perf_counter() - start)
+        yield Trained(f"{name}-posteriors", stacked, seconds[drawn.name] + time.perf_counter() - start)
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
+from predplan.artifacts.files import read_json
 from predplan.artifacts.provenance import Provenance
 from predplan.artifacts.tables import open_writer, read_table, write_table
 from predplan.labelling.models import SequenceModel, Tokens, decode
@@ -73,3 +74,9 @@ def write_predicted(stage: CorpusStage, kind: str, provenance: Provenance, predi
             costs.append(one.cost)
     columns = dict(zip(COSTS.arrow.names, map(list, zip(*costs, strict=True)), strict=True))
     write_table(stage.path(f"costs-{kind}.parquet"), COSTS, columns, provenance)
+
+
+def emission_seconds(stage: CorpusStage) -> dict[str, float]:
+    """How long the emissions of each training set took."""
+    seconds: dict[str, float] = read_json(stage.path("emissions.json"))["seconds"]
+    return seconds

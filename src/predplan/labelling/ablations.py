@@ -10,17 +10,17 @@ from predplan.labelling.training import TrainingSettings
 
 VARIATIONS: dict[str, tuple[Any, ...]] = {
     "moments.context_count": (5, 20, 100),
-    "moments.vectors": (0, 20, 50, 100),
-    "anchors.purity": (0.5, 0.7, 0.9),
-    "anchors.labelled_count": (1, 2, 4),
-    "anchors.raw_count": (20, 100, 500),
+    "moments.vectors": (0, 50),
+    "anchors.purity": (0.7, 0.9),
+    "anchors.labelled_count": (1, 4),
+    "anchors.raw_count": (20, 500),
     "posteriors.loss": ("ls", "kl"),
     "posteriors.smoothing": (5.0, 50.0, 500.0),
-    "folds": (2, 5, 10),
+    "folds": (2, 5),
     "lexicon.inverse_penalty": (0.3, 1.0, 3.0),
-    "lexicon.shrinkage": (0.03, 0.1, 0.3, 1.0),
+    "lexicon.shrinkage": (0.1, 1.0),
     "lexicon.lam": (0.0, 0.5, 1.0),
-    "lexicon.least_count": (1, 2, 5),
+    "lexicon.least_count": (1, 2),
 }
 
 

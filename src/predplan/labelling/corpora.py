@@ -126,12 +126,12 @@ def training_subset(size: int, of: int, seed: int) -> list[int]:
 def _cut(corpus: LabelledCorpus, split: SplitSettings, sources: Sequence[str]) -> Corpus:
     needed = split.labelled + split.dev + split.test
     if needed > len(corpus):
-        raise InputError(f"split: {needed} sentences wanted for labelled, dev and test, but the corpus has {len(corpus)}")
+        raise InputError(
+            f"split: {needed} sentences wanted for labelled, dev and test, but the corpus has {len(corpus)}"
+        )
     order = np.random.default_rng(split.seed).permutation(len(corpus)).tolist()
     cuts = np.cumsum([split.test, split.dev, split.labelled])
-    test, dev, train = (
-        corpus.subset(sorted(order[start:stop])) for start, stop in zip((0, *cuts), cuts, strict=False)
-    )
+    test, dev, train = (corpus.subset(sorted(order[start:stop])) for start, stop in zip((0, *cuts), cuts, strict=False))
     rest = corpus.subset(sorted(order[needed:]))
     return Corpus(train, dev, test, {}, RawText(()), rest.words, sources)
 

@@ -85,7 +85,7 @@ def fit_emissions(
     mu: Floats,
     penalty: float,
     start: Floats | None = None,
-    iterations: int = 200,
+    iterations: int = 50,
     tolerance: float = 2e-3,
 ) -> LogLinearEmissions:
     """Weights of all tags at once: max sum_h theta_h' mu_h - log Z_h - penalty / 2 ||theta_h||^2 (Eq. 3.26).

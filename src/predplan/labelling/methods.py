@@ -11,17 +11,10 @@ from numpy.typing import NDArray
 
 from predplan.labelling.anchors import tag_matrix
 from predplan.labelling.decoding import Transitions
-from predplan.labelling.features import feature_matrix
 from predplan.labelling.lexicon import Lexicon, Supervision
-from predplan.labelling.loglinear import fit_emissions, mean_parameters
-from predplan.labelling.models import (
-    FeatureHiddenMarkovModel,
-    HiddenMarkovModel,
-    SequenceModel,
-    identity_features,
-)
+from predplan.labelling.models import FeatureHiddenMarkovModel, HiddenMarkovModel, SequenceModel
 from predplan.labelling.posteriors import PosteriorSettings, context_posteriors
-from predplan.labelling.supervised import Indifference, TableHiddenMarkovModel, feature_columns
+from predplan.labelling.supervised import Indifference, TableHiddenMarkovModel
 from predplan.labelling.training import RawStatistics, TrainingSettings, train_feature_model
 
 Floats = NDArray[np.float64]
@@ -91,7 +84,9 @@ def anchor_models(inputs: AnchorInputs) -> Iterator[tuple[str, SequenceModel]]:
                 yield f"anchor-fhmm-lambda{lam}", featured
                 yield f"anchor-composite-lambda{lam}", replace(featured, transitions=inputs.composite)
     yield "anchor", HiddenMarkovModel(inputs.lexicon, inputs.counted)
-    yield "anchor-fhmm", train_feature_model(inputs.lexicon, inputs.counted, inputs.settings.emission_penalty)
+    lexicon = inputs.lexicon
+    words, probabilities = list(lexicon.word_ids), lexicon.probabilities
+    yield "anchor-fhmm", train_feature_model(words, lexicon.count, probabilities, inputs.counted, inputs.settings)
 
 
 def thesis_posteriors(inputs: AnchorInputs, fitting: PosteriorSettings, labelled: Floats, lam: int) -> Floats:
@@ -118,10 +113,7 @@ def thesis_model(raw: RawStatistics, gamma: Floats, transitions: Transitions) ->
 
 def thesis_feature_model(inputs: AnchorInputs, gamma: Floats) -> FeatureHiddenMarkovModel:
     """Log-linear emissions on mean parameters composed from gamma (Algorithm 5)."""
-    kept = np.flatnonzero(inputs.raw.moments.word_count >= inputs.settings.lexicon.least_count)
-    names = [identity_features(inputs.raw.moments.vocabulary[word]) for word in kept.tolist()]
-    columns = feature_columns(names)
-    features = feature_matrix(names, columns)
-    probability = inputs.raw.moments.word_probability[kept]
-    mean = mean_parameters(features, probability / probability.sum(), gamma[kept] + 1e-6)
-    return FeatureHiddenMarkovModel(columns, fit_emissions(features, mean, inputs.settings.emission_penalty), inputs.counted)
+    moments = inputs.raw.moments
+    kept = np.flatnonzero(moments.word_count >= inputs.settings.lexicon.least_count)
+    words = [moments.vocabulary[word] for word in kept.tolist()]
+    return train_feature_model(words, moments.word_count[kept], gamma[kept] + 1e-6, inputs.counted, inputs.settings)

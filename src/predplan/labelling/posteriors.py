@@ -66,13 +66,19 @@ def cross_fitted_posteriors(
     settings: PosteriorSettings,
     folds: int,
     rng: np.random.Generator,
+    wanted: NDArray[np.bool_],
 ) -> ContextPosteriors:
-    """As `context_posteriors`, but each anchor is judged by the anchors of the other folds only.
+    """As `context_posteriors` for the words `wanted` [V], but each anchor is judged by the anchors of other folds only.
 
     An anchor's contexts are part of its own tag's, so judged by itself it looks surer than other words are. A tag
-    whose anchors all fall into one fold keeps them.
+    whose anchors all fall into one fold keeps them. Words that are not wanted are left without an opinion.
     """
-    result = context_posteriors(moments, anchors, settings)
+    label_contexts = context_label_moments(moments, anchors, settings.smoothing)
+    rows = np.flatnonzero(wanted)
+    found = _fit(moments, rows, label_contexts, settings, None, 0.0)
+    shape = anchors.shape
+    result = ContextPosteriors(np.full(shape, 1.0 / shape[1]), np.zeros(shape[0]), np.zeros(shape))
+    result.gamma[rows], result.residual[rows], result.log_ratio[rows] = found.gamma, found.residual, found.log_ratio
     words = np.flatnonzero(anchors.any(axis=1))
     fold = rng.integers(0, folds, len(words))
     for held_out in (words[fold == number] for number in range(folds)):
@@ -97,7 +103,9 @@ def _fit(
     counts = moments.counts[rows]
     overall = moments.context_probability
     totals = np.maximum(np.asarray(counts.sum(axis=1)).ravel(), 1.0)[:, None]
-    ratio = np.log(label_contexts / np.where(overall > 0, overall, 1.0), where=overall > 0, out=np.zeros_like(label_contexts))
+    ratio = np.log(
+        label_contexts / np.where(overall > 0, overall, 1.0), where=overall > 0, out=np.zeros_like(label_contexts)
+    )
     log_ratio = (counts @ ratio.T) / totals
     log_ratio -= log_ratio.mean(axis=1, keepdims=True)
     label_counts = np.zeros(log_ratio.shape) if labelled is None else labelled[rows]

@@ -284,5 +284,3 @@ def prediction_rows(subset: str, method: str, sentences: Sequence[Sequence[str]]
             "tags": pa.array(sentences, pa.list_(pa.string())),
         }
     )
-
-

@@ -129,7 +129,9 @@ class AnchorTagger:
         logger.info("training the %s", self.model)
         model: SequenceModel = HiddenMarkovModel(lexicon, transitions)
         if self.model == "fhmm":
-            model = train_feature_model(lexicon, transitions, settings.emission_penalty)
+            model = train_feature_model(
+                list(lexicon.word_ids), lexicon.count, lexicon.probabilities, transitions, settings
+            )
         elif self.model == "crf":
             model = train_chain_model(
                 labelled, supervision.dictionary, lexicon, evidence, {}, tags, settings, self.seed

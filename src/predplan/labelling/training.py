@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -56,6 +57,8 @@ class TrainingSettings:
     """Parts for judging anchors, and labelled sentences, by the others only."""
     emission_penalty: float = 1e-4
     """Penalty on the squared weights of log-linear emissions (epsilon of Eq. 3.26)."""
+    emission_count: int = 10
+    """Words at least this frequent have a weight of their own in log-linear emissions."""
 
 
 @dataclass(frozen=True)
@@ -104,20 +107,44 @@ def learn_evidence(
 ) -> tuple[Anchors, ContextPosteriors, Evidence]:
     """Anchors, the posteriors they give every word, and these as evidence."""
     anchors = find_anchors(raw, supervision, tags, settings.anchors)
-    rng = np.random.default_rng(seed)
-    contexts = cross_fitted_posteriors(raw.moments, anchors.chosen, settings.posteriors, settings.folds, rng)
+    contexts = judge_contexts(raw, supervision, anchors.chosen, settings, seed)
     return anchors, contexts, gather_evidence(raw, contexts)
 
 
-def train_feature_model(lexicon: Lexicon, transitions: Transitions, penalty: float) -> FeatureHiddenMarkovModel:
-    """Log-linear emissions whose expected features match those the lexicon's posteriors give (Algorithm 5)."""
-    words = list(lexicon.word_ids)
+def judge_contexts(
+    raw: RawStatistics,
+    supervision: Supervision,
+    anchors: NDArray[np.bool_],
+    settings: TrainingSettings,
+    seed: int,
+) -> ContextPosteriors:
+    """Posteriors, by the anchors [V, K], of every word that a lexicon will list."""
+    wanted = raw.moments.word_count >= settings.lexicon.least_count
+    known = [raw.word_ids[word] for word in {*supervision.labels, *supervision.dictionary} if word in raw.word_ids]
+    wanted[known] = True
+    rng = np.random.default_rng(seed)
+    return cross_fitted_posteriors(raw.moments, anchors, settings.posteriors, settings.folds, rng, wanted)
+
+
+def train_feature_model(
+    words: Sequence[str],
+    count: NDArray[np.int64],
+    posterior: Floats,
+    transitions: Transitions,
+    settings: TrainingSettings,
+) -> FeatureHiddenMarkovModel:
+    """Log-linear emissions whose expected features match those that p(tag | word) [V, K] gives (Algorithm 5).
+
+    A feature has a weight if two words share it; a word of its own only if it occurs often enough, count [V].
+    """
     names = [identity_features(word) for word in words]
-    columns = {name: place for place, name in enumerate(dict.fromkeys(name for row in names for name in row))}
+    shared = Counter(name for row in names for name in row)
+    own = {f"word={word}" for word, n in zip(words, count.tolist(), strict=True) if n >= settings.emission_count}
+    columns = {name: place for place, name in enumerate(name for name, n in shared.items() if n > 1 or name in own)}
     features = feature_matrix(names, columns)
-    weight = np.maximum(lexicon.count, 1).astype(np.float64)
-    mean = mean_parameters(features, weight / weight.sum(), lexicon.probabilities)
-    return FeatureHiddenMarkovModel(columns, fit_emissions(features, mean, penalty), transitions)
+    weight = np.maximum(count, 1).astype(np.float64)
+    mean = mean_parameters(features, weight / weight.sum(), posterior)
+    return FeatureHiddenMarkovModel(columns, fit_emissions(features, mean, settings.emission_penalty), transitions)
 
 
 def train_chain_model(
