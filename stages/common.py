@@ -71,5 +71,5 @@ def run_corpus_stage(work: Callable[[CorpusStage], None]) -> None:
         folder = Path(settings.out) / "labelling" / arguments.corpus
         work(CorpusStage(arguments.corpus, settings, corpora[arguments.corpus], folder))
     except PredplanError as error:
-        print(f"stage {stage}@{arguments.corpus} failed: {error}", file=sys.stderr)
+        sys.stderr.write(f"stage {stage}@{arguments.corpus} failed: {error}\n")
         sys.exit(2 if isinstance(error, InputError) else 1)

@@ -101,5 +101,5 @@ if __name__ == "__main__":
     try:
         main(arguments.params, arguments.out)
     except PredplanError as error:
-        print(f"stage report failed: {error}", file=sys.stderr)
+        sys.stderr.write(f"stage report failed: {error}\n")
         sys.exit(2 if isinstance(error, InputError) else 1)

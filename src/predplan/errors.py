@@ -6,4 +6,4 @@ class PredplanError(Exception):
 
 
 class InputError(PredplanError):
-    """Bad input or usage: the message names the file, line or field, what was found and what was expected (exit code 2)."""
+    """Bad input or usage (exit code 2): the message names file, line or field, what was found and what was expected."""

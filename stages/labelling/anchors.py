@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import pyarrow as pa
 
 from predplan.artifacts.tables import open_writer, write_table
@@ -30,7 +32,7 @@ def anchor_rows(drawn: TrainingSet, raw: RawStatistics, tags: tuple[str, ...], a
         limits = anchors.thresholds[place]
         for word_id in anchors.chosen[:, place].nonzero()[0].tolist():
             word = raw.moments.vocabulary[word_id]
-            labels = drawn.supervision.labels.get(word, {})
+            labels: Mapping[str, int] = drawn.supervision.labels.get(word, {})
             times = sum(labels.values())
             rows.append(
                 {

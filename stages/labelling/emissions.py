@@ -1,4 +1,4 @@
-"""Fit p(tag | word) of every word for each training set (section 3.3.4): posteriors.parquet; emissions.json says how long."""
+"""Fit p(tag | word) of every word for each training set (section 3.3.4): posteriors.parquet, emissions.json."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Make a recording of every artifact worth looking at: recordings/ARTIFACT.rrd, to open with `predplan show` or Rerun."""
+"""Make a recording of every artifact worth a look: recordings/ARTIFACT.rrd, to open with `predplan show` or Rerun."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tag the test sentences with the anchor models of every training set: predictions-anchor.parquet, costs-anchor.parquet."""
+"""Tag the test sentences with every training set's anchor models: predictions-anchor.parquet, costs-anchor.parquet."""
 
 from __future__ import annotations
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pyarrow as pa
@@ -59,7 +61,7 @@ def dev_accuracy(model: SequenceModel, dev: LabelledCorpus, tags: tuple[str, ...
 def predict(subset: str, trained: Trained, sentences: Sentences, tags: tuple[str, ...]) -> Predicted:
     """Tag the test sentences with a model trained on `subset`."""
     found, offsets = decode(trained.model, sentences.test), sentences.test.offsets
-    tagged = [[tags[t] for t in found[a:b]] for a, b in zip(offsets[:-1], offsets[1:], strict=True)]
+    tagged = [[tags[t] for t in found[a:b]] for a, b in pairwise(offsets)]
     accuracy = dev_accuracy(trained.model, sentences.dev, tags)
     cost = (subset, trained.method, trained.training_s, accuracy, trained.chosen)
     return Predicted(prediction_rows(subset, trained.method, tagged), cost)
@@ -72,6 +74,8 @@ def write_predicted(stage: CorpusStage, kind: str, provenance: Provenance, predi
         for one in predicted:
             write(one.rows)
             costs.append(one.cost)
+            subset, method, seconds, accuracy, _ = one.cost
+            sys.stderr.write(f"{stage.name} {subset} {method}: {100 * accuracy:.1f} % on dev, {seconds:.1f} s\n")
     columns = dict(zip(COSTS.arrow.names, map(list, zip(*costs, strict=True)), strict=True))
     write_table(stage.path(f"costs-{kind}.parquet"), COSTS, columns, provenance)
 

@@ -36,12 +36,13 @@ def test_gradient_agrees_with_finite_differences(seed: int, penalty: float) -> N
     features = binary_features(rng, 12, 5)
     mu = random_means(rng, features, 3)
     weights = rng.normal(size=mu.size)
+    value = objective(weights.reshape(mu.shape), features, mu, penalty)[0]
     error = check_grad(
         lambda x: objective(x.reshape(mu.shape), features, mu, penalty)[0],
         lambda x: objective(x.reshape(mu.shape), features, mu, penalty)[1].ravel(),
         weights,
     )
-    assert error < 1e-6
+    assert error < 1e-6 * (1.0 + abs(value))  # differences round by the size of what is differenced
 
 
 @settings(max_examples=30, deadline=None)
@@ -85,10 +86,10 @@ def test_one_hot_features_give_relative_frequencies_as_the_penalty_vanishes() ->
     rng = np.random.default_rng(5)
     frequency = rng.dirichlet(np.ones(30), size=3).T
     one_hot = sparse.csr_array(sparse.eye_array(30))
-    distance = [
-        np.abs(np.exp(fit_emissions(one_hot, frequency, penalty, tolerance=1e-6).log_scores(one_hot)) - frequency).max()
-        for penalty in (1e-2, 1e-4, 1e-6)
+    fitted = [
+        fit_emissions(one_hot, frequency, penalty, iterations=500, tolerance=1e-6) for penalty in (1e-2, 1e-4, 1e-6)
     ]
+    distance = [np.abs(np.exp(emissions.log_scores(one_hot)) - frequency).max() for emissions in fitted]
     assert distance[0] > 10 * distance[1] > 100 * distance[2]
     assert distance[2] < 1e-5
 

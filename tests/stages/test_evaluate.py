@@ -11,11 +11,13 @@ from pathlib import Path
 import pyarrow as pa
 import pytest
 
+from predplan.artifacts.files import write_json
 from predplan.artifacts.provenance import Provenance
 from predplan.artifacts.tables import read_table, write_table
 from predplan.errors import InputError
 from predplan.labelling.sentences import LabelledCorpus
 from predplan.labelling.tables import (
+    ABLATIONS,
     COMPARISONS,
     CONFUSION,
     COSTS,
@@ -69,12 +71,20 @@ class Bench:
 def bench(tmp_path: Path) -> Bench:
     corpus = CorpusSettings(source="files", sizes=(1, 2), curve=(1,), draws=1)
     settings = Settings(
-        root=".", params="p.yaml", out=str(tmp_path), workers=1, labelling=LabellingSettings(corpora={"tiny": corpus})
+        root=".",
+        params="p.yaml",
+        out=str(tmp_path),
+        reports=str(tmp_path / "reports"),
+        workers=1,
+        labelling=LabellingSettings(corpora={"tiny": corpus}),
     )
     made = Bench(CorpusStage("tiny", settings, corpus, tmp_path))
     write_corpus(tmp_path / "test_gold.parquet", GOLD, NONE)
     write_corpus(tmp_path / "train.parquet", TRAIN, NONE)
     write_table(tmp_path / "dictionary.parquet", DICTIONARY, {"word": [], "tag": []}, NONE)
+    write_table(tmp_path / "ablations.parquet", ABLATIONS, {column.name: [] for column in ABLATIONS.columns}, NONE)
+    for name in ("corpus.json", "tokenise.json"):
+        write_json(tmp_path / name, {})
     made.predict("anchor", {("2-0", "anchor"): RIGHT, ("1-0", "anchor"): RIGHT}, {"anchor": 0.9})
     made.predict("baselines", {("2-0", "supervised"): WRONG, ("1-0", "supervised"): WRONG})
     made.predict("stacked", {})
@@ -84,7 +94,7 @@ def bench(tmp_path: Path) -> Bench:
 
 def test_scores_of_each_run(bench: Bench) -> None:
     evaluate.main(bench.stage)
-    rows = read_table(bench.stage.path("scores.parquet"), SCORES).to_pylist()
+    rows = read_table(bench.stage.result("scores.parquet"), SCORES).to_pylist()
     scores = {(row["subset"], row["method"]): row for row in rows}
     assert scores["2-0", "anchor"]["accuracy"] == 1
     wrong = scores["2-0", "supervised"]
@@ -96,14 +106,14 @@ def test_scores_of_each_run(bench: Bench) -> None:
 
 def test_known_words_are_those_of_the_training_set(bench: Bench) -> None:
     evaluate.main(bench.stage)
-    rows = read_table(bench.stage.path("scores.parquet"), SCORES).to_pylist()
+    rows = read_table(bench.stage.result("scores.parquet"), SCORES).to_pylist()
     small = next(row for row in rows if (row["subset"], row["method"]) == ("1-0", "supervised"))
     assert small["unknown_accuracy"] > 0  # with one sentence some of the words it tags right are unknown
 
 
 def test_confusion_and_tag_scores_count_words(bench: Bench) -> None:
     evaluate.main(bench.stage)
-    confusion = read_table(bench.stage.path("confusion.parquet"), CONFUSION).to_pylist()
+    confusion = read_table(bench.stage.result("confusion.parquet"), CONFUSION).to_pylist()
     cells = {
         (r["gold"], r["predicted"]): r["n"] for r in confusion if (r["subset"], r["method"]) == ("2-0", "supervised")
     }
@@ -114,31 +124,31 @@ def test_confusion_and_tag_scores_count_words(bench: Bench) -> None:
         ("VERB", "VERB"): 1,
         ("ADJ", "NOUN"): 1,
     }
-    by_tag = read_table(bench.stage.path("tag_scores.parquet"), TAG_SCORES).to_pylist()
+    by_tag = read_table(bench.stage.result("tag_scores.parquet"), TAG_SCORES).to_pylist()
     noun = next(r for r in by_tag if (r["subset"], r["method"], r["tag"]) == ("2-0", "supervised", "NOUN"))
     assert (noun["precision"], noun["recall"], noun["support"]) == (0.5, 0.5, 2)
 
 
 def test_best_on_dev_is_compared_and_shown(bench: Bench) -> None:
     evaluate.main(bench.stage)
-    rows = read_table(bench.stage.path("comparisons.parquet"), COMPARISONS).to_pylist()
+    rows = read_table(bench.stage.result("comparisons.parquet"), COMPARISONS).to_pylist()
     pairs = {(row["subset"], row["method"], row["other"]): row["difference"] for row in rows}
     assert pairs == {(subset, "anchor", "supervised"): pytest.approx(1 / 3) for subset in ("1-0", "2-0")}
-    tagged = read_table(bench.stage.path("tagged.parquet"), TAGGED).to_pylist()
+    tagged = read_table(bench.stage.result("tagged.parquet"), TAGGED).to_pylist()
     assert {row["subset"] for row in tagged} == {"1-0"}
     assert [row["method"] for row in tagged] == ["anchor", "supervised"] * 3
 
 
 def test_curve_joins_the_tables_runs(bench: Bench) -> None:
     evaluate.main(bench.stage)
-    rows = read_table(bench.stage.path("curve.parquet"), CURVE).to_pylist()
+    rows = read_table(bench.stage.result("curve.parquet"), CURVE).to_pylist()
     assert [(row["method"], row["size"]) for row in rows] == [
         ("supervised", 1),
         ("supervised", 2),
         ("anchor", 1),
         ("anchor", 2),
     ]
-    sheet = bench.stage.path("curve.csv").read_text(encoding="utf-8").splitlines()
+    sheet = bench.stage.result("curve.csv").read_text(encoding="utf-8").splitlines()
     assert sheet == [
         "method,sentences,accuracy",
         "supervised HMM,1,0.6667",
@@ -146,16 +156,16 @@ def test_curve_joins_the_tables_runs(bench: Bench) -> None:
         '"anchor HMM, calibrated",1,1.0000',
         '"anchor HMM, calibrated",2,1.0000',
     ]
-    metrics = json.loads(bench.stage.path("metrics.json").read_text(encoding="utf-8"))
+    metrics = json.loads(bench.stage.result("metrics.json").read_text(encoding="utf-8"))
     assert metrics == {"tiny": {"supervised": {"1": 0.6667, "2": 0.6667}, "anchor": {"1": 1.0, "2": 1.0}}}
 
 
 def test_same_bytes_twice(bench: Bench) -> None:
     names = ("scores", "tag_scores", "confusion", "comparisons", "tagged", "curve")
     evaluate.main(bench.stage)
-    first = [bench.stage.path(f"{name}.parquet").read_bytes() for name in names]
+    first = [bench.stage.result(f"{name}.parquet").read_bytes() for name in names]
     evaluate.main(bench.stage)
-    assert [bench.stage.path(f"{name}.parquet").read_bytes() for name in names] == first
+    assert [bench.stage.result(f"{name}.parquet").read_bytes() for name in names] == first
 
 
 def test_missing_predictions_name_their_stage(bench: Bench) -> None:

@@ -18,6 +18,7 @@ from tests.reporting.made import made_results
 PARAMS = """root: .
 params: p.yaml
 out: {out}
+reports: {out}/reports
 workers: 1
 labelling:
   corpora:
@@ -27,7 +28,7 @@ labelling:
 
 @pytest.fixture
 def params(tmp_path: Path) -> Path:
-    folder, made = tmp_path / "labelling" / "made", made_results()
+    folder, made = tmp_path / "results" / "labelling" / "made", made_results()
     for name in ("scores", "tag_scores", "confusion", "comparisons", "tagged", "curve", "ablations"):
         _write(folder / f"{name}.parquet", getattr(tables, name.upper()), getattr(made, name))
     _write(folder / "costs-anchor.parquet", tables.COSTS, made.costs)
@@ -75,18 +76,18 @@ def test_same_bytes_twice_and_no_leftovers(params: Path, tmp_path: Path) -> None
     ],
 )
 def test_missing_results_name_their_stage(params: Path, tmp_path: Path, name: str, remedy: str) -> None:
-    (tmp_path / "labelling" / "made" / name).unlink()
+    (tmp_path / "results" / "labelling" / "made" / name).unlink()
     with pytest.raises(InputError, match=rf"{re.escape(name)}: no such file.*{remedy}"):
         report.main(params, tmp_path / "reports")
 
 
 def test_facts_of_another_shape(params: Path, tmp_path: Path) -> None:
-    write_json(tmp_path / "labelling" / "made" / "tokenise.json", {"lines": 1})
+    write_json(tmp_path / "results" / "labelling" / "made" / "tokenise.json", {"lines": 1})
     with pytest.raises(InputError, match=r"expected the keys lines, tokens.*dvc repro tokenise@made"):
         report.main(params, tmp_path / "reports")
 
 
 def test_nothing_scored(params: Path, tmp_path: Path) -> None:
-    _write(tmp_path / "labelling" / "made" / "scores.parquet", tables.SCORES, [])
+    _write(tmp_path / "results" / "labelling" / "made" / "scores.parquet", tables.SCORES, [])
     with pytest.raises(InputError, match="no method was scored; run again: dvc repro evaluate@made"):
         report.main(params, tmp_path / "reports")

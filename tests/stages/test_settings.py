@@ -10,6 +10,7 @@ GOOD = """\
 root: .
 params: params.yaml
 out: data
+reports: data/reports
 workers: 2
 scheduler: null
 labelling:

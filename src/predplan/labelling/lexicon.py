@@ -44,7 +44,7 @@ class Evidence:
 
 
 def confidence(count: NDArray[np.int64]) -> Floats:
-    """How much a measurement from `count` occurrences is scaled [V]: log2(1 + n) / 4, measured best on dev of several."""
+    """Scale of a measurement from `count` occurrences [V]: log2(1 + n) / 4, measured best on dev of several."""
     return np.asarray(np.log2(1.0 + count) / 4.0)
 
 

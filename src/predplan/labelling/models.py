@@ -25,7 +25,9 @@ class SequenceModel(Protocol):
     """Scores word types and tokens; tokens are ids into the distinct words, sentences are parted by offsets."""
 
     @property
-    def transitions(self) -> Transitions: ...
+    def transitions(self) -> Transitions:
+        """Probabilities or potentials between neighbouring tags."""
+        ...
 
     def token_scores(self, words: Sequence[str], ids: NDArray[np.int64], offsets: NDArray[np.int64]) -> Floats:
         """Scores >= 0 of each token's tags [tokens, K], proportional to p(word | tag) or a potential."""
@@ -40,6 +42,7 @@ class HiddenMarkovModel:
     transitions: Transitions
 
     def token_scores(self, words: Sequence[str], ids: NDArray[np.int64], offsets: NDArray[np.int64]) -> Floats:
+        """p(tag | word) / p(tag) of each token."""
         return np.asarray((self.lexicon.of(words) / self.lexicon.tag_probability)[ids])
 
 
@@ -52,6 +55,7 @@ class FeatureHiddenMarkovModel:
     transitions: Transitions
 
     def token_scores(self, words: Sequence[str], ids: NDArray[np.int64], offsets: NDArray[np.int64]) -> Floats:
+        """p(word | tag) of each token, each row up to a factor."""
         logs = self.emissions.log_scores(feature_matrix(map(identity_features, words), self.columns))
         return np.asarray(np.exp(logs - logs.max(axis=1, keepdims=True))[ids])
 
@@ -67,9 +71,11 @@ class ChainModel:
 
     @property
     def transitions(self) -> Transitions:
+        """Potentials between neighbouring tags."""
         return self.chain.transitions
 
     def token_scores(self, words: Sequence[str], ids: NDArray[np.int64], offsets: NDArray[np.int64]) -> Floats:
+        """Potentials of each token's tags, which depend on the words beside it too."""
         contexts = self.lexicon.contexts_of(words)
         described = describe(words, self.lexicon.of(words), contexts, self.tags, self.clusters)
         logs = self.chain.token_scores(self.chain.word_scores(described), ids, offsets)
@@ -84,7 +90,7 @@ def identity_features(word: str) -> list[str]:
 def describe(
     words: Sequence[str], posterior: Floats, contexts: Floats, tags: Sequence[str], clusters: Clusters
 ) -> list[Description]:
-    """What the field sees of words, from p(tag | word) [words, K] and the evidence of contexts [words, 2K] or [words, 0].
+    """What the field sees of words, from p(tag | word) [words, K] and evidence of contexts [words, 2K] or none.
 
     Of its own word a token sees spelling, identity, clusters, posterior and contexts; of the words beside it their
     small-letter form, clusters and posterior.
@@ -113,6 +119,7 @@ class Tokens:
 
     @classmethod
     def of(cls, sentences: Sequence[Sequence[str]]) -> Tokens:
+        """Number the distinct words of sentences in order of first appearance."""
         distinct: dict[str, int] = {}
         ids = [distinct.setdefault(word, len(distinct)) for sentence in sentences for word in sentence]
         offsets = np.cumsum([0, *map(len, sentences)])

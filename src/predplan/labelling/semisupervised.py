@@ -36,13 +36,14 @@ from predplan.labelling.transitions import normalised
 
 Floats = NDArray[np.float64]
 Model = TypeVar("Model", bound=SequenceModel)
+Model_co = TypeVar("Model_co", bound=SequenceModel, covariant=True)
 
 
 @dataclass(frozen=True)
-class Iteration(Generic[Model]):
+class Iteration(Generic[Model_co]):
     """A model, and the log likelihood of the raw text under the one before it (none before the first)."""
 
-    model: Model
+    model: Model_co
     log_likelihood_before: float | None
 
 

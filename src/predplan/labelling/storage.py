@@ -140,7 +140,7 @@ def check_target(folder: Path) -> None:
 
 
 def in_single_precision(trained: TrainedTagger) -> TrainedTagger:
-    """The tagger with its weights rounded to what `save` keeps, and without evidence that its model does not look at."""
+    """The tagger with weights rounded to what `save` keeps, and without evidence that its model does not look at."""
     classifier, contexts = trained.lexicon.classifier, trained.lexicon.contexts
     lexicon = replace(
         trained.lexicon,

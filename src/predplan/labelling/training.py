@@ -1,4 +1,4 @@
-"""From counts of raw text and a few labelled sentences to each of the three models: Algorithms 3 and 5, and stacking."""
+"""From counts of raw text and a few labelled sentences to the three models: Algorithms 3 and 5, and stacking."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from predplan.labelling.anchors import Anchors, AnchorSettings, supervised_anchors, tag_matrix
 from predplan.labelling.chain import ChainSettings, Description, train_chain
@@ -137,14 +138,21 @@ def train_feature_model(
 
     A feature has a weight if two words share it; a word of its own only if it occurs often enough, count [V].
     """
-    names = [identity_features(word) for word in words]
-    shared = Counter(name for row in names for name in row)
-    own = {f"word={word}" for word, n in zip(words, count.tolist(), strict=True) if n >= settings.emission_count}
-    columns = {name: place for place, name in enumerate(name for name, n in shared.items() if n > 1 or name in own)}
-    features = feature_matrix(names, columns)
+    columns, features = emission_features(words, count, settings.emission_count)
     weight = np.maximum(count, 1).astype(np.float64)
     mean = mean_parameters(features, weight / weight.sum(), posterior)
     return FeatureHiddenMarkovModel(columns, fit_emissions(features, mean, settings.emission_penalty), transitions)
+
+
+def emission_features(
+    words: Sequence[str], count: NDArray[np.int64], own_count: int
+) -> tuple[Mapping[str, int], sparse.csr_array]:
+    """Columns of the features that have a weight in log-linear emissions, and the words' features [V, W]."""
+    names = [identity_features(word) for word in words]
+    shared = Counter(name for row in names for name in row)
+    own = {f"word={word}" for word, n in zip(words, count.tolist(), strict=True) if n >= own_count}
+    columns = {name: place for place, name in enumerate(name for name, n in shared.items() if n > 1 or name in own)}
+    return columns, feature_matrix(names, columns)
 
 
 def train_chain_model(
