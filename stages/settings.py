@@ -18,6 +18,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from predplan.errors import InputError
+from predplan.labelling.ablations import VARIATIONS
 from predplan.labelling.corpora import OwnFiles, SplitSettings
 from predplan.labelling.readers import Style
 from predplan.labelling.supervised import BaselineSettings
@@ -89,8 +90,8 @@ class LabellingSettings(Component):
     feature_iterations: Annotated[int, Field(ge=1)] = 3
     """The same for the feature HMM."""
 
-    ablation_draws: Annotated[int, Field(ge=1)] = 1
-    """Training sets of the first size on which each knob is turned."""
+    ablations: tuple[str, ...] = tuple(VARIATIONS)
+    """Components of training whose knobs are turned one by one."""
 
     training: TrainingSettings = TrainingSettings()
     """Knobs of the anchor models."""

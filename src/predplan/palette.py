@@ -24,6 +24,8 @@ METHOD_COLOURS = {
     "anchor-lambda1": SKY,
     "anchor-kl-lambda0": SKY,
     "anchor-kl-lambda1": SKY,
+    "anchor-literal-lambda0": DEEP_BLUE,
+    "anchor-literal-lambda1": DEEP_BLUE,
     "anchor-fhmm-lambda0": DEEP_BLUE,
     "anchor-fhmm-lambda1": DEEP_BLUE,
     "anchor-composite-lambda0": DEEP_BLUE,

@@ -26,7 +26,7 @@ def main(stage: CorpusStage) -> None:
     names = ("train.parquet", "dev.parquet", "bigrams.parquet")
     provenance = stage.provenance(*map(stage.path, names), training=labelling.training)
     bigrams = read_bigrams(stage.path("words.parquet"), stage.path("bigrams.parquet"))
-    drawn = training_sets(stage, stage.corpus.sizes[:1])[: labelling.ablation_draws]
+    drawn = training_sets(stage, stage.corpus.sizes[:1])
     work = partial(
         measure,
         bigrams=bigrams,
@@ -36,7 +36,10 @@ def main(stage: CorpusStage) -> None:
         seed=labelling.seed,
     )
     found = run(
-        work, variations(labelling.training), workers=stage.settings.workers, scheduler=stage.settings.scheduler
+        work,
+        variations(labelling.training, labelling.ablations),
+        workers=stage.settings.workers,
+        scheduler=stage.settings.scheduler,
     )
     rows = [row for measured in found for row in measured]
     write_table(stage.path("ablations.parquet"), ABLATIONS, pa.Table.from_pylist(rows), provenance)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from predplan.errors import InputError
 from predplan.labelling.training import TrainingSettings
 
 VARIATIONS: dict[str, tuple[Any, ...]] = {
@@ -15,6 +16,7 @@ VARIATIONS: dict[str, tuple[Any, ...]] = {
     "anchors.labelled_count": (1, 4),
     "anchors.raw_count": (20, 500),
     "posteriors.loss": ("ls", "kl"),
+    "posteriors.projection": (0, 20, 100, 200),
     "posteriors.smoothing": (5.0, 50.0, 500.0),
     "folds": (2, 5),
     "lexicon.inverse_penalty": (0.3, 1.0, 3.0),
@@ -22,6 +24,8 @@ VARIATIONS: dict[str, tuple[Any, ...]] = {
     "lexicon.lam": (0.0, 0.5, 1.0),
     "lexicon.least_count": (1, 2),
 }
+
+FOR_LEAST_SQUARES = ("posteriors.projection",)
 
 
 @dataclass(frozen=True)
@@ -34,12 +38,16 @@ class Variation:
     settings: TrainingSettings
 
 
-def variations(default: TrainingSettings) -> Iterator[Variation]:
-    """All variations, the default's own value of each component among them."""
-    for component, values in VARIATIONS.items():
+def variations(default: TrainingSettings, components: Sequence[str]) -> Iterator[Variation]:
+    """All variations of some components, the default's own value of each among them; InputError for an unknown one."""
+    for component in components:
+        if component not in VARIATIONS:
+            raise InputError(f"ablations: found {component!r}, expected some of {', '.join(VARIATIONS)}")
+        values = VARIATIONS[component]
+        base = _set(default, "posteriors.loss", "ls") if component in FOR_LEAST_SQUARES else default
         own = _get(default, component)
         for value in values if own in values else (*values, own):
-            yield Variation(component, str(value), value == own, _set(default, component, value))
+            yield Variation(component, str(value), value == own, _set(base, component, value))
 
 
 def _get(settings: Any, path: str) -> Any:

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from predplan.labelling.anchors import tag_matrix
 from predplan.labelling.decoding import Transitions
 from predplan.labelling.lexicon import Lexicon, Supervision
+from predplan.labelling.loglinear import fit_emissions, literal_mean_parameters
 from predplan.labelling.models import FeatureHiddenMarkovModel, HiddenMarkovModel, SequenceModel
-from predplan.labelling.posteriors import PosteriorSettings, context_posteriors
+from predplan.labelling.moments import context_label_moments
+from predplan.labelling.posteriors import Loss, PosteriorSettings, context_posteriors
 from predplan.labelling.supervised import Indifference, TableHiddenMarkovModel
-from predplan.labelling.training import RawStatistics, TrainingSettings, train_feature_model
+from predplan.labelling.training import RawStatistics, TrainingSettings, emission_features, train_feature_model
 
 Floats = NDArray[np.float64]
 
@@ -27,6 +29,9 @@ class Method:
     label: str
     family: Literal["supervised", "semi-supervised", "anchor (thesis)", "anchor", "field"]
 
+
+LITERAL_PENALTY = 1e-2
+"""A program a feature gives means that no distribution has, so the weights need a firmer hand."""
 
 METHODS = {
     "supervised-addone": Method("supervised HMM, add-one", "supervised"),
@@ -40,6 +45,8 @@ METHODS = {
     "anchor-lambda1": Method("anchor HMM, least squares, λ=1", "anchor (thesis)"),
     "anchor-kl-lambda0": Method("anchor HMM, KL, λ=0", "anchor (thesis)"),
     "anchor-kl-lambda1": Method("anchor HMM, KL, λ=1", "anchor (thesis)"),
+    "anchor-literal-lambda0": Method("anchor FHMM, a program a feature, λ=0", "anchor (thesis)"),
+    "anchor-literal-lambda1": Method("anchor FHMM, a program a feature, λ=1", "anchor (thesis)"),
     "anchor-fhmm-lambda0": Method("anchor FHMM, λ=0", "anchor (thesis)"),
     "anchor-fhmm-lambda1": Method("anchor FHMM, λ=1", "anchor (thesis)"),
     "anchor-composite-lambda0": Method("anchor FHMM, λ=0, composite likelihood", "anchor (thesis)"),
@@ -74,11 +81,14 @@ class AnchorInputs:
 def anchor_models(inputs: AnchorInputs) -> Iterator[tuple[str, SequenceModel]]:
     """The thesis's anchor models at λ = 0 and 1, and ours on calibrated posteriors, by name."""
     labelled = tag_matrix(inputs.supervision.labels, inputs.raw.word_ids, inputs.tags)
-    for loss, prefix in (("ls", "anchor-lambda"), ("kl", "anchor-kl-lambda")):
+    losses: tuple[tuple[Loss, str], ...] = (("ls", "anchor-lambda"), ("kl", "anchor-kl-lambda"))
+    for loss, prefix in losses:
         fitting = replace(inputs.settings.posteriors, loss=loss)
         for lam in (0, 1):
             gamma = thesis_posteriors(inputs, fitting, labelled, lam)
             yield f"{prefix}{lam}", thesis_model(inputs.raw, gamma, inputs.counted)
+            if loss == "ls":
+                yield f"anchor-literal-lambda{lam}", literal_feature_model(inputs, labelled, lam)
             if loss == "kl":
                 featured = thesis_feature_model(inputs, gamma)
                 yield f"anchor-fhmm-lambda{lam}", featured
@@ -117,3 +127,12 @@ def thesis_feature_model(inputs: AnchorInputs, gamma: Floats) -> FeatureHiddenMa
     kept = np.flatnonzero(moments.word_count >= inputs.settings.lexicon.least_count)
     words = [moments.vocabulary[word] for word in kept.tolist()]
     return train_feature_model(words, moments.word_count[kept], gamma[kept] + 1e-6, inputs.counted, inputs.settings)
+
+
+def literal_feature_model(inputs: AnchorInputs, labelled: Floats, lam: int) -> FeatureHiddenMarkovModel:
+    """Log-linear emissions on mean parameters by one quadratic program a feature (Algorithm 5 as printed)."""
+    moments, settings = inputs.raw.moments, inputs.settings
+    columns, features = emission_features(moments.vocabulary, moments.word_count, settings.emission_count)
+    contexts = context_label_moments(moments, inputs.anchors, settings.posteriors.smoothing)
+    mean = literal_mean_parameters(features, moments, contexts, labelled, float(lam))
+    return FeatureHiddenMarkovModel(columns, fit_emissions(features, mean, LITERAL_PENALTY), inputs.counted)

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from predplan.labelling.mixtures import fit_mixtures
-from predplan.labelling.moments import ContextMoments, context_label_moments
+from predplan.labelling.moments import ContextMoments, canonical_contexts, context_label_moments
 from predplan.labelling.simplex import Solver, simplex_posteriors
 
 Floats = NDArray[np.float64]
 Loss = Literal["kl", "ls"]
 TOLERANCE = 1e-9
+PROJECTION_SEED = 0
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,8 @@ class PosteriorSettings:
     """Pseudo-counts of the overall context distribution in each tag's contexts."""
     prior: float = 0.5
     """Pseudo-counts spread over the tags in each word's mixture (kl)."""
+    projection: int = 0
+    """Dimension that canonical correlation analysis reduces contexts to (ls, section 3.5); 0 keeps them whole."""
     solver: Solver = "active_set"
     """Which solver takes the quadratic programs (ls)."""
 
@@ -113,10 +116,14 @@ def _fit(
     seen = times > 0
     frequency = label_counts / np.maximum(times, 1.0)[:, None]
     if settings.loss == "ls":
-        scaled = label_contexts * np.divide(1.0, overall, out=np.zeros_like(overall), where=overall > 0)
-        solution = simplex_posteriors(
-            scaled @ label_contexts.T, (counts @ scaled.T) * 2 / totals, frequency, seen, lam, settings.solver
-        )
+        if settings.projection:
+            projection = canonical_contexts(moments, settings.projection, PROJECTION_SEED)
+            projected = label_contexts @ projection
+            gram, linear = projected @ projected.T, (counts @ (projection @ projected.T)) * 2 / totals
+        else:
+            scaled = label_contexts * np.divide(1.0, overall, out=np.zeros_like(overall), where=overall > 0)
+            gram, linear = scaled @ label_contexts.T, (counts @ scaled.T) * 2 / totals
+        solution = simplex_posteriors(gram, linear, frequency, seen, lam, settings.solver)
         return ContextPosteriors(solution.gamma, solution.residual, log_ratio)
     prior = np.full(log_ratio.shape, settings.prior / log_ratio.shape[1])
     if lam < 1.0:
