@@ -45,6 +45,7 @@ def main(stage: CorpusStage) -> None:
 def load(stage: CorpusStage) -> corpora.Corpus:
     """The corpus its settings describe."""
     mirror, folder, settings = mirror_folder(), stage.path("fetched"), stage.corpus
+    folder.mkdir(parents=True, exist_ok=True)  # DVC expects it, even where nothing is fetched
     if settings.source == "twitter":
         return corpora.load_twitter(mirror, folder)
     if settings.source == "malagasy":
@@ -63,18 +64,19 @@ def load(stage: CorpusStage) -> corpora.Corpus:
 
 
 def write_raw(stage: CorpusStage, corpus: corpora.Corpus) -> None:
-    """Raw text as gzip files: what came with the corpus, the sentences without labels, the labelled ones' words."""
+    """Raw text: the files that came with the corpus, the sentences without labels, the labelled ones' words.
+
+    Files are taken as they are, or their lines of some languages; what is malformed in them the tokeniser counts.
+    """
     folder = stage.path("raw")
     folder.mkdir(parents=True, exist_ok=True)
     for number, path in enumerate(corpus.raw.paths):
-        target = folder / f"{number:03d}-{path.name.removesuffix('.gz')}.gz"
         if stage.corpus.languages:
+            target = folder / f"{number:03d}-{path.name.removesuffix('.gz')}.gz"
             _write_lines(target, keep_language(read_lines(path), stage.corpus.languages))
-        elif path.suffix == ".gz":
-            with write_whole(target) as temporary:
-                shutil.copyfile(path, temporary)
         else:
-            _write_lines(target, read_lines(path))
+            with write_whole(folder / f"{number:03d}-{path.name}") as temporary:
+                shutil.copyfile(path, temporary)
     for name, sentences in (("untagged", corpus.untagged), ("labelled", corpus.train.words)):
         _write_lines(folder / f"{name}.txt.gz", (" ".join(words) for words in sentences))
 

@@ -76,7 +76,7 @@ def write_predicted(stage: CorpusStage, kind: str, provenance: Provenance, predi
             costs.append(one.cost)
             subset, method, seconds, accuracy, _ = one.cost
             sys.stderr.write(f"{stage.name} {subset} {method}: {100 * accuracy:.1f} % on dev, {seconds:.1f} s\n")
-    columns = dict(zip(COSTS.arrow.names, map(list, zip(*costs, strict=True)), strict=True))
+    columns = {column.name: [cost[place] for cost in costs] for place, column in enumerate(COSTS.columns)}
     write_table(stage.path(f"costs-{kind}.parquet"), COSTS, columns, provenance)
 
 

@@ -16,6 +16,7 @@ from predplan.labelling.readers import (
     read_dictionary,
     read_labelled,
     read_pairs,
+    read_raw,
     read_word_groups,
 )
 from predplan.labelling.sentences import LabelledCorpus
@@ -111,7 +112,7 @@ def load_own(files: OwnFiles, style: Style, tagmap: TagMap | None) -> Corpus:
     dictionary: Dictionary = {} if files.dictionary is None else read_dictionary(files.dictionary)
     if tagmap is not None and files.dictionary is not None:
         dictionary = map_dictionary(dictionary, tagmap, files.dictionary)
-    raw = RawText(tuple(map(Path, files.raw)), style)
+    raw = read_raw(*files.raw, style=style) if files.raw else RawText((), style)
     parts = labelled(files.labelled), labelled(files.dev), labelled(files.test)
     return Corpus(*parts, dictionary, raw, (), ["own files"])
 
