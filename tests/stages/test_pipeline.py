@@ -96,6 +96,7 @@ RESULTS = {
 }
 TINY = {
     "source": "files",
+    "style": "spaces",
     "files": {
         "labelled": "own/labelled.tsv",
         "dev": "own/dev.tsv",
