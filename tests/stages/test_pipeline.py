@@ -6,7 +6,6 @@ import json
 import math
 import os
 import shutil
-import subprocess
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -18,6 +17,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from dvc.repo import Repo
 from ruamel.yaml import YAML
 
 from predplan.artifacts.tables import TableSchema, read_table
@@ -151,10 +151,8 @@ def deterministic(project: Path) -> dict[str, bytes]:
     }
 
 
-@pytest.fixture(scope="module")
-def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A project in which every stage has run in this process, with one worker."""
-    project = make_project(tmp_path_factory.mktemp("here"), workers=1)
+def run_all(project: Path) -> Path:
+    """Every stage, one after the other, in this process."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(project)
         stage = tiny_stage()
@@ -162,6 +160,12 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
             module.main(stage)
         report.main(Path("params.yaml"), Path("data/reports"))
     return project
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project in which every stage has run in this process, with one worker."""
+    return run_all(make_project(tmp_path_factory.mktemp("here"), workers=1))
 
 
 @pytest.fixture
@@ -303,27 +307,26 @@ def test_an_unknown_key_stops_a_stage(
     assert not Path("data").exists()
 
 
-def test_dvc_runs_every_stage_once_and_gives_the_same_bytes(done: Path, tmp_path: Path) -> None:
-    """In processes of their own and with two workers, against this process with one."""
-    project = make_project(tmp_path / "project", workers=2)
+def test_same_seed_same_bytes_with_two_workers(done: Path, tmp_path: Path) -> None:
+    project = run_all(make_project(tmp_path / "project", workers=2))
+    assert deterministic(project) == deterministic(done)
+
+
+def test_dvc_runs_every_stage_once_and_gives_the_same_bytes(
+    done: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project = make_project(tmp_path / "project", workers=1)
     for name in ("src", "stages"):
         shutil.copytree(REPOSITORY / name, project / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(REPOSITORY / "dvc.yaml", project)
-    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    environment = {**os.environ, "PATH": path, "DVC_NO_ANALYTICS": "1", "OMP_NUM_THREADS": "1"}
-
-    def dvc(*arguments: str) -> str:
-        command = [sys.executable, "-m", "dvc", *arguments]
-        ran = subprocess.run(command, cwd=project, env=environment, capture_output=True, text=True)
-        assert ran.returncode == 0, ran.stdout + ran.stderr
-        return ran.stdout
-
-    dvc("init", "--no-scm", "--quiet")
-    first = dvc("repro")
-    for module in STAGES:
-        assert f"Running stage '{module.__name__.rpartition('.')[2]}@tiny'" in first
-    assert "Running stage 'report'" in first
-    assert deterministic(project) == deterministic(done)
-    locked = (project / "dvc.lock").read_bytes()
-    assert "Running stage" not in dvc("repro")
-    assert (project / "dvc.lock").read_bytes() == locked
+    monkeypatch.chdir(project)
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.setenv("DVC_NO_ANALYTICS", "1")
+    with Repo.init(".", no_scm=True) as repo:
+        ran = [stage.addressing for stage in repo.reproduce()]
+        names = {f"{module.__name__.rpartition('.')[2]}@tiny" for module in STAGES}
+        assert sorted(ran) == sorted({*names, "report"})
+        assert deterministic(project) == deterministic(done)
+        locked = Path("dvc.lock").read_bytes()
+        assert repo.reproduce() == []
+        assert Path("dvc.lock").read_bytes() == locked
