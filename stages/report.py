@@ -13,6 +13,7 @@ from typing import Any
 from predplan.artifacts.files import read_json, write_whole
 from predplan.artifacts.tables import TableSchema, read_table
 from predplan.errors import InputError, PredplanError
+from predplan.labelling.methods import UNTIMED
 from predplan.labelling.tables import ABLATIONS, COMPARISONS, CONFUSION, COSTS, CURVE, SCORES, TAG_SCORES, TAGGED
 from predplan.reporting.document import Section
 from predplan.reporting.labelling.results import CorpusResults
@@ -52,7 +53,10 @@ def read_results(folder: Path, name: str, settings: CorpusSettings) -> CorpusRes
         tagged=_rows(folder / "tagged.parquet", TAGGED),
         curve=_rows(folder / "curve.parquet", CURVE),
         costs=[
-            row for part, stage in costs for row in _rows(folder / f"costs-{part}.parquet", replace(COSTS, stage=stage))
+            row
+            for part, stage in costs
+            for row in _rows(folder / f"costs-{part}.parquet", replace(COSTS, stage=stage))
+            if row["method"] not in UNTIMED
         ],
         ablations=_rows(ablations, ABLATIONS) if ablations.exists() else [],
         facts=_facts(folder / "corpus.json", "corpus", ("sources", "parts", "dictionary_entries")),

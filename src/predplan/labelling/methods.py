@@ -30,6 +30,9 @@ class Method:
     family: Literal["supervised", "semi-supervised", "anchor (thesis)", "anchor", "field"]
 
 
+UNTIMED = ("anchor-composite-lambda0", "anchor-composite-lambda1")
+"""Methods whose transitions the stage before fitted: what is left of their training says nothing."""
+
 LITERAL_PENALTY = 1e-2
 """A program a feature gives means that no distribution has, so the weights need a firmer hand."""
 
