@@ -1,0 +1,5 @@
+"""`python -m predplan` is the command line."""
+
+from predplan.cli import main
+
+main()
