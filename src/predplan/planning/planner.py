@@ -1,0 +1,316 @@
+"""The planner: many starts, functional gradient descent from each, and a proof before anything is returned.
+
+A cascade under one time budget. First the straight line and draws from the kernel's own Gaussian process, which are
+smooth and cheap; then paths of RRT-Connect projected into a narrower kernel's space (§6.2.3). A path that is certified
+is made smoother while that stays certified. What cannot be certified is never returned: the plan says what was tried.
+"""
+
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+
+from predplan.errors import InputError
+from predplan.planning.certificates import Certificate, Verdict, certify, link_levers, prove
+from predplan.planning.collisions import nearest_names, valid
+from predplan.planning.kernels import Gaussian, Kernel, Waypoints, condition, normalise
+from predplan.planning.optimiser import MAXIMUM_BODY, Descent, Space, descend, space_of
+from predplan.planning.paths import Path, acceleration_cost, length, polyline, quintic, velocity_cost
+from predplan.planning.robots import FloatArray, Robot
+from predplan.planning.sampling import connect, resampled, shortcut
+from predplan.planning.scenes import Scene
+from predplan.planning.timing import Timing, parametrise, trajectory
+
+Method = Literal["cascade", "kernel", "sampled"]
+METHODS: tuple[Method, ...] = get_args(Method)
+"""cascade: kernel starts, then sampled ones; kernel: draws from the kernel's process alone; sampled: RRT-Connect's alone."""
+
+
+@dataclass(frozen=True)
+class PlannerSettings:
+    """What the planner does; the defaults were chosen on the given seventy problems' scenes (see reports/planning.md)."""
+
+    samples: int = 48  # inner times at which a descent looks at the arm
+    knots: int = 32  # pieces of the path that is certified and returned
+    width: float = 0.3  # of the Gaussian kernel of the line's and the prior's starts, t in [0, 1]
+    narrow_width: float = 0.1  # of the kernel that sampled paths are projected into
+    ridge: float = 1e-4  # of that projection
+    prior_starts: int = 8  # before the first sampled path
+    prior_scale: float = 1.0  # rad: standard deviation of the prior where it is largest
+    iterations: int = 40  # of a descent
+    sections: int = 6  # one gradient each an iteration
+    inverse_step: float = 4.0
+    beta: float = 0.0
+    epsilon: float = 0.05  # m: clearance at which obstacles begin to cost
+    self_epsilon: float = 0.02
+    step_cap: float = 0.3  # rad
+    margin: float = 0.002  # m: clearance a descent aims at, beyond what is certified
+    reach: float = 1.0  # rad: longest motion RRT-Connect adds
+    resolution: float = 0.05  # rad: between configurations it looks at
+    search_iterations: int = 2000
+    shortcuts: int = 40
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One start of the cascade and what became of it."""
+
+    start: str  # line, prior or sampled
+    outcome: str  # "certified", or why not
+    iterations: int
+    time_s: float  # since planning began
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a planner returns: a certified trajectory, or the reason why there is none."""
+
+    robot: Robot
+    scene: Scene
+    success: bool
+    reason: str  # empty on success
+    method: str
+    time_s: float  # until the certified path was there, its smoothing included
+    attempts: tuple[Attempt, ...]
+    certificate: Certificate | None
+    path: Path | None
+
+    @property
+    def certified(self) -> bool:
+        """Whether the whole path was proved free of collision and within joint limits."""
+        return self.certificate is not None and self.certificate.free
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the trajectory's columns."""
+        return self.robot.joints
+
+    @cached_property
+    def timing(self) -> Timing:
+        """When to be where, within the velocity and acceleration limits; computed when first asked for."""
+        return parametrise(self._path, self.robot.velocity_limit, self.robot.acceleration_limit)
+
+    @property
+    def duration_s(self) -> float:
+        """Seconds from start to goal."""
+        return self.timing.duration
+
+    def trajectory(self, t: FloatArray, order: int = 0) -> FloatArray:
+        """Configurations (order 1, 2: velocities, accelerations) at times t [n] s -> [n, joints] rad (/s, /s²)."""
+        return trajectory(self._path, self.timing, np.atleast_1d(np.asarray(t, dtype=np.float64)), order)
+
+    @cached_property
+    def costs(self) -> Mapping[str, float]:
+        """Length (rad), ½ mean ‖q̇‖² and ½ mean ‖q̈‖² over the path's own parameter in [0, 1]."""
+        return {
+            "length_rad": length(self._path),
+            "velocity_cost": velocity_cost(self._path),
+            "acceleration_cost": acceleration_cost(self._path),
+        }
+
+    @cached_property
+    def limits(self) -> Mapping[str, float]:
+        """Largest share of each kind of limit that the timed trajectory uses."""
+        t = np.linspace(0.0, self.duration_s, 1001)
+        q, chain = self.trajectory(t), self.robot.chain
+        middle, half = (chain.upper + chain.lower) / 2, (chain.upper - chain.lower) / 2
+        return {
+            "position": float(np.max(np.abs(q - middle) / half)),
+            "velocity": float(np.max(np.abs(self.trajectory(t, 1)) / self.robot.velocity_limit)),
+            "acceleration": float(np.max(np.abs(self.trajectory(t, 2)) / self.robot.acceleration_limit)),
+        }
+
+    @property
+    def _path(self) -> Path:
+        if self.path is None:
+            raise ValueError(f"there is no trajectory: {self.reason}")
+        return self.path
+
+
+class Basis(NamedTuple):
+    """A kernel's space at the planner's times, and what carries its elements to knots, draws and projections."""
+
+    space: Space
+    to_knots: tuple[FloatArray, FloatArray, FloatArray]  # [P + 1, F] for values, first and second derivatives
+    root: FloatArray  # [F, r]: coefficients of a draw from the kernel's Gaussian process, root @ normal
+    ridge: FloatArray  # [F, F]: coefficients of the ridge regression on values at the times
+
+
+def basis_of(kernel: Kernel, joints: int, samples: int, knots: int, ridge: float) -> Basis:
+    """The tables of a normalised, conditioned kernel."""
+    space = space_of(kernel, np.eye(joints), samples)
+    at = np.linspace(0.0, 1.0, knots + 1)
+    values, vectors = np.linalg.eigh(space.gram)
+    kept = values > 1e-9 * values[-1]
+    return Basis(
+        space,
+        (kernel.gram(at, space.times), kernel.gram(at, space.times, 1), kernel.gram(at, space.times, 2)),
+        np.ascontiguousarray(vectors[:, kept] / np.sqrt(values[kept])),
+        np.linalg.inv(space.gram + ridge * np.eye(samples)),
+    )
+
+
+class Planner:
+    """Plans for one robot; made once, used for many scenes. Compiled code is loaded, or compiled and kept, when made."""
+
+    def __init__(self, robot: Robot, settings: PlannerSettings | None = None) -> None:
+        self.robot = robot
+        self.settings = settings = settings or PlannerSettings()
+        joints = len(robot.joints)
+        wide = normalise(condition(Gaussian(settings.width)))
+        narrow = normalise(condition(Gaussian(settings.narrow_width)))
+        self._wide = basis_of(wide, joints, settings.samples, settings.knots, settings.ridge)
+        self._narrow = basis_of(narrow, joints, settings.samples, settings.knots, settings.ridge)
+        self._levers = link_levers(robot.chain)
+        self._descent = Descent(
+            reduce=MAXIMUM_BODY,
+            sections=settings.sections,
+            inverse_step=settings.inverse_step,
+            beta=settings.beta,
+            epsilon=settings.epsilon,
+            self_epsilon=settings.self_epsilon,
+            step_cap=settings.step_cap,
+            iterations=settings.iterations,
+            margin=settings.margin,
+        )
+
+    def plan(
+        self,
+        scene: Scene,
+        start: FloatArray,
+        goal: FloatArray,
+        budget: float = 1.0,
+        method: Method = "cascade",
+        seed: int = 0,
+    ) -> Plan:
+        """A certified trajectory from start to goal [D] (rad, m) within `budget` seconds, or the reason why not.
+
+        Raises InputError if start or goal is not a valid configuration, or the budget is not positive.
+        """
+        began = time.perf_counter()
+        if method not in METHODS:
+            raise InputError(f"method is {method!r}; expected one of {', '.join(METHODS)}")
+        if not budget > 0.0:
+            raise InputError(f"budget is {budget} s; expected more than 0")
+        start = self._configuration(scene, "start", start)
+        goal = self._configuration(scene, "goal", goal)
+        attempts: list[Attempt] = []
+        for name, basis, coefficients in self._starts(scene, start, goal, method, np.random.default_rng(seed)):
+            elapsed = time.perf_counter() - began
+            if elapsed > budget:
+                break
+            if basis is None:
+                attempts.append(Attempt(name, "no path was found", 0, elapsed))
+                continue
+            path, outcome, iterations = self._attempt(scene, basis, coefficients, start, goal)
+            attempts.append(Attempt(name, outcome, iterations, time.perf_counter() - began))
+            if path is not None:
+                path = self._smoother(scene, path, basis, start, goal)
+                certificate = certify(self.robot, scene, path)
+                return Plan(
+                    self.robot, scene, True, "", method, time.perf_counter() - began, tuple(attempts), certificate, path
+                )
+        reason = f"no certified trajectory within {budget:g} s: {_summary(attempts)}"
+        return Plan(self.robot, scene, False, reason, method, time.perf_counter() - began, tuple(attempts), None, None)
+
+    def _starts(
+        self, scene: Scene, start: FloatArray, goal: FloatArray, method: Method, generator: np.random.Generator
+    ) -> Iterator[tuple[str, Basis | None, FloatArray]]:
+        settings, joints = self.settings, len(start)
+        samples = settings.samples
+        wide, narrow = self._wide, self._narrow
+        if method != "sampled":
+            yield "line", wide, np.zeros((samples, joints))
+            drawn = 0
+            while method == "kernel" or drawn < settings.prior_starts:
+                drawn += 1
+                scale = settings.prior_scale * generator.uniform(0.3, 1.0)
+                yield "prior", wide, wide.root @ (scale * generator.standard_normal((wide.root.shape[1], joints)))
+        while True:
+            points = connect(
+                self.robot.chain,
+                scene.obstacles,
+                start,
+                goal,
+                generator,
+                settings.reach,
+                settings.resolution,
+                0.0,
+                settings.search_iterations,
+            )
+            if len(points) == 0:
+                yield "sampled", None, np.zeros((0, joints))
+                continue
+            points = shortcut(
+                self.robot.chain, scene.obstacles, points, generator, settings.shortcuts, settings.resolution, 0.0
+            )
+            times = narrow.space.times
+            line = start + np.multiply.outer(times, goal - start)
+            yield "sampled", narrow, narrow.ridge @ (resampled(points, times) - line)
+
+    def _attempt(
+        self, scene: Scene, basis: Basis, coefficients: FloatArray, start: FloatArray, goal: FloatArray
+    ) -> tuple[Path | None, str, int]:
+        """Descend until clear, prove; where the proof finds a collision between the samples, ask for more margin."""
+        chain, space = self.robot.chain, basis.space
+        line = start + np.multiply.outer(space.times, goal - start)
+        lower, upper = np.broadcast_to(chain.lower, line.shape).copy(), np.broadcast_to(chain.upper, line.shape).copy()
+        none = np.empty((0, *line.shape))
+        descent, iterations = self._descent, 0
+        for _ in range(3):
+            ended = descend(chain, scene.obstacles, space, descent, line, coefficients, lower, upper, none)
+            iterations += ended.iterations
+            coefficients = ended.coefficients
+            if ended.clearance < 0.0:
+                return None, "the descent ended in collision", iterations
+            path = self._path(basis, coefficients, start, goal)
+            verdict = self._prove(scene, path)
+            if verdict.kind == 0:
+                return path, "certified", iterations
+            descent = descent._replace(margin=2.0 * descent.margin + 0.002, iterations=10)
+        return None, "the proof failed", iterations
+
+    def _smoother(self, scene: Scene, path: Path, basis: Basis, start: FloatArray, goal: FloatArray) -> Path:
+        return path
+
+    def _path(self, basis: Basis, coefficients: FloatArray, start: FloatArray, goal: FloatArray) -> Path:
+        breaks = np.linspace(0.0, 1.0, self.settings.knots + 1)
+        position, velocity, acceleration = (table @ coefficients for table in basis.to_knots)
+        span = goal - start
+        position += start + np.multiply.outer(breaks, span)
+        position[0], position[-1] = start, goal
+        return quintic(breaks, position, velocity + span, acceleration)
+
+    def _prove(self, scene: Scene, path: Path) -> Verdict:
+        return prove(self.robot.chain, scene.obstacles, path.breaks, path.coefficients, 0.0, self._levers)
+
+    def _configuration(self, scene: Scene, name: str, q: FloatArray) -> FloatArray:
+        robot, chain = self.robot, self.robot.chain
+        q = np.ascontiguousarray(q, dtype=np.float64)
+        if q.shape != (len(robot.joints),):
+            raise InputError(f"{name} has shape {q.shape}; expected one value for each of {', '.join(robot.joints)}")
+        if not np.all(np.isfinite(q)):
+            at = [joint for joint, value in zip(robot.joints, q, strict=True) if not np.isfinite(value)]
+            raise InputError(f"{name} is not finite at {', '.join(at)}")
+        outside = [
+            f"{joint} is {value:.4f}, allowed {low:.4f} to {high:.4f}"
+            for joint, value, low, high in zip(robot.joints, q, chain.lower, chain.upper, strict=True)
+            if not low - 1e-9 <= value <= high + 1e-9
+        ]
+        if outside:
+            raise InputError(f"{name} is outside the joint limits: {'; '.join(outside)}")
+        if not valid(chain, scene.obstacles, q, 0.0):
+            met = "; ".join(f"{a} and {b}, {depth:.4f} m deep" for a, b, depth in nearest_names(robot, scene, q))
+            raise InputError(f"{name} is in collision: {met}")
+        return q
+
+
+def _summary(attempts: list[Attempt]) -> str:
+    outcomes: dict[str, int] = {}
+    for attempt in attempts:
+        key = f"{attempt.start}: {attempt.outcome}"
+        outcomes[key] = outcomes.get(key, 0) + 1
+    return "; ".join(f"{count} x {outcome}" for outcome, count in outcomes.items()) or "no time to try anything"
