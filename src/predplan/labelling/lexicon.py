@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from threadpoolctl import threadpool_limits
 
 from predplan.errors import InputError
 from predplan.labelling.features import feature_matrix, spelling_features
+from predplan.labelling.logistic import fit_logistic
 
 Floats = NDArray[np.float64]
 LEAST_PROBABILITY = 1e-5
@@ -73,25 +73,19 @@ def fit_classifier(
 
     Raises InputError where fewer than two tags are labelled.
     """
-    from sklearn.linear_model import LogisticRegression  # seconds to import, and tagging needs none of it
-
-    examples = [(word, tag, n / sum(of.values())) for word, of in labels.items() for tag, n in of.items()]
-    if len({tag for _, tag, _ in examples}) < 2:
+    examples = [(word, tag, n / of.total()) for word, of in labels.items() for tag, n in of.items()]
+    present = sorted({tags.index(tag) for _, tag, _ in examples})
+    if len(present) < 2:
         raise InputError(f"labelled data: found {len(labels)} labelled words of one tag, expected at least two tags")
     words = [word for word, _, _ in examples]
     names = [evidence.features(word) for word in words]
     columns = {name: column for column, name in enumerate(sorted({name for row in names for name in row}))}
     inputs = sparse.hstack([feature_matrix(names, columns), sparse.csr_array(evidence.rows(words))]).tocsr()
-    target = np.array([tags.index(tag) for _, tag, _ in examples])
-    model = LogisticRegression(C=inverse_penalty, max_iter=1000)
-    with threadpool_limits(1):  # the vectors are short: more threads made it ten times slower
-        model.fit(inputs, target, sample_weight=[weight for _, _, weight in examples])
+    target = np.eye(len(tags))[[tags.index(tag) for _, tag, _ in examples]][:, present]
+    share = np.array([share for _, _, share in examples])
     weights = np.zeros((inputs.shape[1], len(tags)))
     bias = np.full(len(tags), np.log(LEAST_PROBABILITY))
-    if len(model.classes_) == 2:
-        weights[:, model.classes_[1]], bias[model.classes_] = model.coef_[0], (0.0, model.intercept_[0])
-    else:
-        weights[:, model.classes_], bias[model.classes_] = model.coef_.T, model.intercept_
+    weights[:, present], bias[present] = fit_logistic(inputs, target, share, inverse_penalty)
     weights[columns["bias"]] += bias
     return WordClassifier(columns, weights[: len(columns)], weights[len(columns) :])
 
