@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import BrokenExecutor
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import TypeVar, cast
 
 from joblib import Parallel, delayed, parallel_config
 from threadpoolctl import threadpool_limits
@@ -42,6 +42,19 @@ def run(
     if scheduler is None and workers == 1:
         return (_attempt(function, index, item) for index, item in enumerate(items))
     return _distribute(function, items, workers, scheduler)
+
+
+def ahead(items: Iterable[Item]) -> Iterator[Item]:
+    """The items, each made by a thread while the caller works on the one before.
+
+    It pays where making them waits for files or leaves the interpreter to others, as NumPy and numba do.
+    """
+    source, end = iter(items), object()
+    with ThreadPoolExecutor(1) as thread:
+        coming = thread.submit(next, source, end)
+        while (item := coming.result()) is not end:
+            coming = thread.submit(next, source, end)
+            yield cast(Item, item)
 
 
 def _distribute(

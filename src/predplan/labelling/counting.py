@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 from scipy import sparse
@@ -89,7 +90,7 @@ def merge_parts(parts: Sequence[Path], words: Sequence[str]) -> BigramCounts:
 
     with duckdb.connect(config={"memory_limit": MEMORY_LIMIT, "threads": 2}) as connection:
         pairs = connection.execute(
-            "SELECT previous, next, sum(n)::BIGINT AS n FROM read_parquet($parts) GROUP BY ALL ORDER BY ALL",
+            "SELECT previous, next, sum(n)::BIGINT AS n FROM read_parquet($parts) GROUP BY ALL",
             {"parts": [str(part) for part in parts]},
         ).fetchnumpy()
     return _by_falling_count(pairs["previous"], pairs["next"], pairs["n"], words)
@@ -100,7 +101,8 @@ def _by_falling_count(
 ) -> BigramCounts:
     size = len(words)
     count = np.bincount(following[following != EDGE], n[following != EDGE], minlength=size).astype(np.int64)
-    order = np.lexsort((np.array(words, dtype=object), -count)) if size else np.empty(0, np.int64)
+    table = pa.table({"count": count, "word": pa.array(words, pa.string())})
+    order = pc.sort_indices(table, [("count", "descending"), ("word", "ascending")]).to_numpy()
     rank = np.empty(size + 1, np.int32)
     rank[order] = np.arange(size)
     rank[EDGE] = size

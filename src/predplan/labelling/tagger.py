@@ -29,7 +29,7 @@ from predplan.labelling.readers import RawText, Style
 from predplan.labelling.selection import select_settings
 from predplan.labelling.sentences import UNIVERSAL_TAGS, LabelledCorpus, TokenBatch, label_counts
 from predplan.labelling.storage import ModelKind, TrainedTagger
-from predplan.labelling.tokenising import LineReport, normalise, read_blocks, tokenise_block
+from predplan.labelling.tokenising import LineReport, normalise, read_blocks, split_block, tokenise_chunks
 from predplan.labelling.training import (
     RawStatistics,
     TrainingSettings,
@@ -54,7 +54,7 @@ class AnchorTagger:
     """A part-of-speech tagger learned from anchor words.
 
     `fit` sets tags_ (K names, in the order of all arrays), anchors_ (the anchor words of every tag), contexts_ (what
-    contexts say of each raw word; None in a loaded tagger), lexicon_ (p(tag | word)), transitions_, model_ (the
+    contexts say of the listed raw words; None in a loaded tagger), lexicon_ (p(tag | word)), transitions_, model_ (the
     sequence model), known_words_ (the labelled words) and settings_ (those in force, chosen on dev where given).
     """
 
@@ -242,14 +242,15 @@ def count_text(raw: RawText | None, sentences: Sequence[Sequence[str]], workers:
         yield TokenBatch(tokens.words, tokens.ids.astype(np.int32), tokens.offsets)
         if raw is None:
             return
-        tokenise = partial(tokenise_block, style=raw.style)
-        for batch, part in parallel.run(tokenise, read_blocks(raw), workers=workers):
+        tokenise = partial(tokenise_chunks, style=raw.style)
+        chunks = parallel.ahead(map(split_block, read_blocks(raw)))
+        for batch, part in parallel.run(tokenise, chunks, workers=workers):
             report += part
             logger.info("counting raw text: %d tokens", report.tokens)
             yield batch
 
     with tempfile.TemporaryDirectory() as folder:
-        counts = count_sentences(batches(), Path(folder))
+        counts = count_sentences(parallel.ahead(batches()), Path(folder))
     if report.malformed:
         logger.warning(
             "raw text: dropped %d malformed of %d lines (%d not UTF-8, %d with NUL, %d too long)",

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -66,10 +67,14 @@ def read_blocks(raw: RawText, block_bytes: int = BLOCK_BYTES) -> Iterator[bytes]
 
 
 def tokenise_block(block: bytes, style: Style) -> tuple[TokenBatch, LineReport]:
-    """Tokens of a block's lines. A pure function, fit for worker processes.
+    """Tokens of a block's lines; see `split_block` and `tokenise_chunks`."""
+    return tokenise_chunks(split_block(block), style)
 
-    A line without tokens is no sentence. Lines with NUL, bytes that are not UTF-8, or more than 100,000 characters are
-    dropped and counted. The vocabulary is in order of first appearance.
+
+def split_block(block: bytes) -> tuple[ChunkedText, LineReport]:
+    """The chunks of a block's lines. Leaves the interpreter to other threads.
+
+    Lines with NUL, bytes that are not UTF-8, or more than 100,000 characters are dropped and counted.
     """
     block = block.removeprefix(_UTF8_BOM)
     report = LineReport(lines=block.count(b"\n") + (not block.endswith(b"\n") and block != b""))
@@ -82,6 +87,15 @@ def tokenise_block(block: bytes, style: Style) -> tuple[TokenBatch, LineReport]:
         block, dropped = _drop_malformed(block)
         report += dropped
         text = split_chunks(block)
+    return text, report
+
+
+def tokenise_chunks(split: tuple[ChunkedText, LineReport], style: Style) -> tuple[TokenBatch, LineReport]:
+    """Tokens of what `split_block` gives, and their number in the report. Pure, fit for worker processes.
+
+    A line without tokens is no sentence. The vocabulary is in order of first appearance.
+    """
+    text, report = split
     batch = _expand(text, _TOKENISERS[style])
     return batch, report + LineReport(tokens=len(batch.ids))
 
@@ -98,26 +112,23 @@ def normalise(corpus: LabelledCorpus, style: Style) -> LabelledCorpus:
     return LabelledCorpus(tuple(tuple(map(tweets.normalise, words)) for words in corpus.words), corpus.tags)
 
 
-_TOKENISERS: dict[Style, Callable[[str], list[str]]] = {"spaces": str.split, "tweets": tweets.tokenise_chunk}
+_TOKENISERS: dict[Style, Callable[[str], Sequence[str]]] = {"spaces": str.split, "tweets": tweets.tokenise_chunk}
 
 
-def _expand(text: ChunkedText, tokenise_chunk: Callable[[str], list[str]]) -> TokenBatch:
+def _expand(text: ChunkedText, tokenise_chunk: Callable[[str], Sequence[str]]) -> TokenBatch:
     """Replaces each chunk by the ids of its tokens, and counts line ends in tokens."""
-    vocabulary: dict[str, int] = {}
-    tokens: list[int] = []
-    size = np.empty(len(text.distinct), np.int64)
-    for index, chunk in enumerate(text.distinct):
-        found = tokenise_chunk(chunk)
-        size[index] = len(found)
-        for token in found:
-            tokens.append(vocabulary.setdefault(token, len(vocabulary)))
+    found = list(map(tokenise_chunk, text.distinct))
+    tokens = list(chain.from_iterable(found))
+    vocabulary = {token: number for number, token in enumerate(dict.fromkeys(tokens))}
+    size = np.fromiter(map(len, found), np.int64, len(found))
     first = np.cumsum(size) - size
     sizes = size[text.ids]
     ends = np.cumsum(sizes)
     places = np.arange(sizes.sum()) + np.repeat(first[text.ids] - (ends - sizes), sizes)
     line_ends = np.concatenate(([0], ends))[text.line_ends]
     offsets = np.concatenate(([0], line_ends[np.diff(line_ends, prepend=0) > 0]))
-    return TokenBatch(tuple(vocabulary), np.array(tokens, np.int32)[places], offsets)
+    ids = np.fromiter(map(vocabulary.__getitem__, tokens), np.int32, len(tokens))
+    return TokenBatch(tuple(vocabulary), ids[places], offsets)
 
 
 def _longest_line(block: bytes) -> int:

@@ -62,13 +62,15 @@ _FORMS = re.compile(
 )
 
 
-def tokenise_chunk(chunk: str) -> list[str]:
+def tokenise_chunk(chunk: str) -> tuple[str, ...]:
     """The normalised tokens of one run of characters; white space within it (an odd Unicode one) parts tokens too."""
+    if chunk.isascii() and chunk.isalnum():
+        return (chunk,)
     plain = _PLAIN.fullmatch(chunk)
     if plain:
         word, punctuation = plain.groups()
-        return [word, punctuation] if punctuation else [chunk]
-    return list(_tokenise_rare(chunk))
+        return (word, punctuation) if punctuation else (chunk,)
+    return _tokenise_rare(chunk)
 
 
 def normalise(word: str) -> str:
