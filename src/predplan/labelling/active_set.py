@@ -1,4 +1,8 @@
-"""The compiled active set: min x' H x - 2 b' x on the simplex, for small dense H shared by many b."""
+"""The compiled active set: min x' H x - 2 b' x on the simplex, for small dense H shared by many b.
+
+Here and in other compiled code loops stand for operations on whole arrays: those bring checks of shapes with them whose
+messages take Numba seconds to compile.
+"""
 
 from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar, cast
@@ -94,7 +98,8 @@ def descend(
     uncut = False
     closed = False
     for _ in range(20 + 10 * states):
-        gradient[:] = -b
+        for i in range(states):
+            gradient[i] = -b[i]
         for f in range(count):
             j = free[f]
             for i in range(states):
@@ -189,11 +194,14 @@ def complementarities(H: Floats, B: Floats, gamma: Floats) -> Floats:
     gradient = np.empty(states)
     residual = np.empty(words)
     for w in range(words):
-        gradient[:] = -B[w]
+        for i in range(states):
+            gradient[i] = -B[w, i]
         for j in range(states):
             for i in range(states):
                 gradient[i] += H[j, i] * gamma[w, j]
-        least = gradient.min()
+        least = gradient[0]
+        for i in range(1, states):
+            least = min(least, gradient[i])
         scale = curvature
         complementarity = 0.0
         total = 0.0

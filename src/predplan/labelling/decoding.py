@@ -44,9 +44,9 @@ def posteriors(scores: Floats, offsets: Integers, transitions: Transitions) -> E
     Raises PredplanError naming a sentence (from 0) that no sequence of tags with a positive product explains.
     """
     scaled = _scaled(scores)
-    tags, start, between, stop, log_likelihood = _forward_backward(
-        scaled, offsets, transitions.start, transitions.between, transitions.stop
-    )
+    # Plain copies: for each other layout of its arguments the compiled code would be compiled anew.
+    chain = (part.copy() for part in (transitions.start, transitions.between, transitions.stop))
+    tags, start, between, stop, log_likelihood = _forward_backward(scaled, offsets, *chain)
     if not np.isfinite(log_likelihood):
         token = int(np.argmax(~np.isfinite(tags).all(axis=1)))
         sentence = int(np.searchsorted(offsets, token, side="right")) - 1
@@ -118,7 +118,8 @@ def _forward_backward(
                     )
                 backward[tag] /= total
                 tags[token, tag] = forward[token, tag] * backward[tag]
-        from_start += tags[first]
+        for tag in range(states):
+            from_start[tag] += tags[first, tag]
     return tags, from_start, expected, to_stop, log_likelihood
 
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from predplan.errors import InputError
+from predplan.labelling.active_set import Integers, compiled
 from predplan.labelling.decoding import Transitions
 from predplan.labelling.sentences import LabelledCorpus
 
@@ -75,7 +75,7 @@ def expected_counts(emissions: Floats, raw: RawTokens, transitions: Transitions,
     top = emissions.max(axis=1, keepdims=True)
     scaled = np.where(top > 0, emissions / np.where(top > 0, top, 1.0), 1.0)
     words, pairs = np.zeros(emissions.shape), np.zeros((emissions.shape[1] + 1,) * 2)
-    model = (transitions.start, np.ascontiguousarray(transitions.between), transitions.stop)
+    model = (transitions.start.copy(), transitions.between.copy(), transitions.stop.copy())
     log_likelihood = 0.0
     for ids, offsets in raw.batches:
         log_likelihood += _add_expectations(scaled, ids, offsets, *model, hard, words, pairs)
@@ -84,13 +84,23 @@ def expected_counts(emissions: Floats, raw: RawTokens, transitions: Transitions,
     return TagCounts(words, pairs, log_likelihood)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _add_expectations(  # type: ignore[no-untyped-def]
-    scores, ids, offsets, start, between, stop, hard, words, pairs
-):
+@compiled
+def _add_expectations(
+    scores: Floats,
+    ids: NDArray[np.int32],
+    offsets: Integers,
+    start: Floats,
+    between: Floats,
+    stop: Floats,
+    hard: bool,
+    words: Floats,
+    pairs: Floats,
+) -> float:
     """Adds to words [V, K] and pairs [K + 1, K + 1]; returns the log likelihood but for the factors taken out."""
     states = scores.shape[1]
-    longest = np.diff(offsets).max() if len(offsets) > 1 else 0
+    longest = 0
+    for sentence in range(len(offsets) - 1):
+        longest = max(longest, offsets[sentence + 1] - offsets[sentence])
     forward, tags, totals = np.empty((longest, states)), np.empty((longest, states)), np.empty(longest)
     backward, weighted = np.empty(states), np.empty(states)
     outer, reverse = np.zeros((states, states)), between.T.copy()
@@ -102,7 +112,8 @@ def _add_expectations(  # type: ignore[no-untyped-def]
         for token in range(length):
             row, emitted = forward[token], scores[ids[first + token]]
             if token == 0:
-                row[:] = start
+                for tag in range(states):
+                    row[tag] = start[tag]
             else:
                 row[:] = 0.0
                 for previous in range(states):
@@ -153,5 +164,7 @@ def _add_expectations(  # type: ignore[no-untyped-def]
             for tag in range(states):
                 pairs[states, tag] += tags[0, tag]
                 pairs[tag, states] += tags[length - 1, tag]
-    pairs[:states, :states] += outer * between
+    for tag in range(states):
+        for following in range(states):
+            pairs[tag, following] += outer[tag, following] * between[tag, following]
     return log_likelihood

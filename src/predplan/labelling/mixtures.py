@@ -120,7 +120,8 @@ def _fit_rows(
         at = 0
         for entry in range(indptr[w], indptr[w + 1]):
             if data[entry] * weight[w] > 0.0:
-                likelihoods[:, at] = columns[indices[entry]]
+                for h in range(states):
+                    likelihoods[h, at] = columns[indices[entry], h]
                 at += 1
         iterations[w], residual[w] = _fit_row(
             counts[:size], likelihoods, alpha[w], tolerance, iteration_limit, gamma[w]
@@ -138,7 +139,8 @@ def _fit_row(
     if total == 0.0:
         return 0, 0.0
     if size == 0:
-        x[:] = alpha / total
+        for h in range(states):
+            x[h] = alpha[h] / total
         return 0, 0.0
     fitted, ratio, change = np.empty(size), np.empty(size), np.empty(size)
     gradient, target, lower = np.empty(states), np.empty(states), np.empty(states)
@@ -162,10 +164,12 @@ def _fit_row(
             _newton_target(
                 hessian, gradient, alpha, x, 1e-3 * tolerance * total, target, lower, factor, step, slope, free
             )
+            rise = 0.0
             for h in range(states):
                 target[h] -= x[h]
+                rise += gradient[h] * target[h]
             _mix(target, likelihoods, change)
-            length = _step_length(n, fitted, change, alpha, x, target, (gradient * target).sum(), total)
+            length = _step_length(n, fitted, change, alpha, x, target, rise, total)
         for h in range(states):
             x[h] = max(x[h] + length * target[h], 0.0) if length > 0.0 else x[h] * gradient[h] / total
         x /= x.sum()
@@ -198,7 +202,10 @@ def _newton_target(
         scale -= lower[h]
     linear = np.empty(states)
     for h in range(states):
-        linear[h] = scale * (2.0 * gradient[h] - (hessian[h] * lower).sum())
+        pull = 0.0
+        for i in range(states):
+            pull += hessian[h, i] * lower[i]
+        linear[h] = scale * (2.0 * gradient[h] - pull)
         target[h] = (x[h] - lower[h]) / scale
     hessian *= scale * scale
     descend(hessian, linear, target, stop_gap, factor, step, slope, free)
