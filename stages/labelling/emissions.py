@@ -28,16 +28,17 @@ def main(stage: CorpusStage) -> None:
             chosen = anchor_matrix(anchors, drawn.name, raw, tags)
             training, start = settings.training, time.perf_counter()
             contexts = judge_contexts(raw, drawn.supervision, chosen, training, settings.seed)
-            lexicon = build_lexicon(drawn.supervision, gather_evidence(raw, contexts), tags, training.lexicon)
+            evidence = gather_evidence(raw, contexts)
+            lexicon = build_lexicon(drawn.supervision, evidence, tags, training.lexicon)
             seconds[drawn.name] = time.perf_counter() - start
-            known = [word for word in lexicon.word_ids if word in raw.word_ids]
-            ids = np.array([raw.word_ids[word] for word in known])
+            known = [word for word in lexicon.word_ids if word in evidence.word_ids]
+            ids = np.array([evidence.word_ids[word] for word in known])
             write(
                 pa.table(
                     {
                         "subset": pa.repeat(drawn.name, len(known)),
                         "word": known,
-                        "count": raw.moments.word_count[ids],
+                        "count": evidence.count[ids],
                         "gamma": rows_of(contexts.gamma[ids]),
                         "log_ratio": rows_of(contexts.log_ratio[ids]),
                         "residual": contexts.residual[ids],

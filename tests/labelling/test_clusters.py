@@ -13,12 +13,13 @@ from predplan.labelling.training import RawStatistics
 def statistics(dimension: int = 3) -> RawStatistics:
     """Words in four tight groups of ten; the last word is rare."""
     rng = np.random.default_rng(0)
-    centres = np.repeat(np.eye(4, dimension) * 5 + np.arange(4)[:, None], 10, axis=0)
+    centres = np.repeat(np.eye(4, 3) * 5 + np.arange(4)[:, None], 10, axis=0)
     vectors = centres + 0.01 * rng.normal(size=centres.shape)
     words = tuple(f"w{number}" for number in range(40))
     count = np.array([100] * 39 + [1])
-    moments = ContextMoments(words, count, ("x",), sparse.csr_array((40, 2)))
-    return RawStatistics(moments, {word: row for row, word in enumerate(words)}, vectors)
+    moments = ContextMoments(words, count, ("a", "b", "c"), sparse.csr_array(np.hstack([vectors, vectors])))
+    projection = np.vstack([np.eye(3, dimension), np.zeros((3, dimension))])
+    return RawStatistics(moments, {word: row for row, word in enumerate(words)}, projection)
 
 
 def test_clusters_are_the_groups_at_each_size() -> None:

@@ -53,11 +53,11 @@ def test_shapes(word: str, expected: str) -> None:
 
 
 def test_features_of_a_word() -> None:
-    assert spelling_features("Ran") == [
+    assert spelling_features("Ran") == (
         *("bias", "kind=title", "shape=Aa", "length=3"),
         *("suffix=n", "suffix=an", "suffix=ran", "prefix=r", "prefix=ra", "prefix=ran"),
         *("unicode=Ll", "unicode=Lu"),
-    ]
+    )
 
 
 @given(word=WORDS)

@@ -116,14 +116,14 @@ def whitened(moments: ContextMoments) -> Floats:
 
 def test_canonical_vectors_have_unit_length_and_the_geometry_of_the_analysis() -> None:
     moments = random_moments(np.random.default_rng(0))
-    vectors = canonical_vectors(moments, 4, seed=0)
+    vectors = canonical_vectors(moments.counts, canonical_contexts(moments, 4, seed=0))
     assert vectors.shape == (12, 4)
     np.testing.assert_allclose(np.linalg.norm(vectors, axis=1), 1.0)
     left, values, _ = np.linalg.svd(whitened(moments))
     exact = left[:, :4] * values[:4]
     exact /= np.linalg.norm(exact, axis=1, keepdims=True)
     np.testing.assert_allclose(vectors @ vectors.T, exact @ exact.T, atol=1e-6)
-    np.testing.assert_array_equal(vectors, canonical_vectors(moments, 4, seed=0))
+    np.testing.assert_array_equal(vectors, canonical_vectors(moments.counts, canonical_contexts(moments, 4, seed=0)))
 
 
 def test_canonical_contexts_are_uncorrelated_under_the_contexts_frequency() -> None:

@@ -25,13 +25,13 @@ def learn_clusters(raw: RawStatistics, sizes: Sequence[int] = SIZES, least_count
     word -> names such as `k32=7`, in the order of `sizes`. Sizes at or above the number of words are left out.
     Raises InputError where the raw statistics have no vectors.
     """
-    if raw.vectors.shape[1] == 0:
+    if raw.projection.shape[1] == 0:
         raise InputError("clusters: found words without vectors, expected canonical vectors (moments.vectors above 0)")
     rows = np.flatnonzero(raw.moments.word_count >= least_count)
+    vectors = raw.vectors(rows)
     fitting = [size for size in sizes if size < len(rows)]
     labels = [
-        MiniBatchKMeans(size, random_state=seed, n_init=3, batch_size=BATCH).fit_predict(raw.vectors[rows])
-        for size in fitting
+        MiniBatchKMeans(size, random_state=seed, n_init=3, batch_size=BATCH).fit_predict(vectors) for size in fitting
     ]
     words = [raw.moments.vocabulary[row] for row in rows]
     names = [[f"k{size}={label}" for label in found.tolist()] for size, found in zip(fitting, labels, strict=True)]

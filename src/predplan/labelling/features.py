@@ -7,6 +7,7 @@ import unicodedata
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy import sparse
@@ -16,7 +17,8 @@ _SMALL = re.compile("[a-z]+")
 _REPEATED = re.compile(r"(.)\1+")
 
 
-def spelling_features(word: str) -> list[str]:
+@lru_cache(maxsize=1 << 16)  # several models of one vocabulary ask in turn
+def spelling_features(word: str) -> tuple[str, ...]:
     """Names of the binary features a word has: prefixes, suffixes, shape, length, Unicode classes of its characters."""
     lower = word.lower()
     names = ["bias", f"kind={kind(word)}", f"shape={shape(word)}", f"length={min(len(word), 8)}"]
@@ -24,7 +26,7 @@ def spelling_features(word: str) -> list[str]:
     names += [f"prefix={lower[:n]}" for n in range(1, LONGEST_AFFIX) if len(lower) >= n]
     categories = {"Ll"} if _SMALL.fullmatch(word) else set(map(unicodedata.category, word))
     names += [f"unicode={category}" for category in sorted(categories)]
-    return names
+    return tuple(names)
 
 
 def kind(word: str) -> str:
@@ -77,21 +79,25 @@ class SpellingClasses:
     @classmethod
     def learn(cls, words: Sequence[str], count: Sequence[int], rare: int, least_types: int) -> SpellingClasses:
         """Keep the classes that at least `least_types` words of at most `rare` occurrences fall into."""
-        sizes = Counter(
-            name for word, n in zip(words, count, strict=True) if n <= rare for name in _suffix_classes(word)
-        )
+        chains = Counter(_suffix_classes(word) for word, n in zip(words, count, strict=True) if n <= rare)
+        sizes = Counter[str]()
+        for chain, size in chains.items():
+            sizes.update(dict.fromkeys(chain, size))
         return cls(frozenset(name for name, size in sizes.items() if size >= least_types))
 
     def of(self, word: str) -> str:
         """The most specific known class of a word; its kind alone where none is known."""
-        for name in _suffix_classes(word):
-            if name in self.known:
-                return name
-        return kind(word)
+        chain = _suffix_classes(word)
+        return next((name for name in chain if name in self.known), chain[-1])
 
 
-def _suffix_classes(word: str) -> list[str]:
-    name, lower = kind(word), word.lower()
+def _suffix_classes(word: str) -> tuple[str, ...]:
+    """Narrow to wide, the kind last."""
+    return _classes_of(kind(word), word.lower()[-3:])
+
+
+@lru_cache(maxsize=1 << 16)  # many words share an ending, and their classes' names too
+def _classes_of(name: str, ending: str) -> tuple[str, ...]:
     if not name.startswith(("upper", "title", "lower")):
-        return [name]
-    return [f"{name}:{lower[-n:]}" for n in (3, 2, 1) if len(lower) >= n] + [name]
+        return (name,)
+    return (*(f"{name}:{ending[-n:]}" for n in (3, 2, 1) if len(ending) >= n), name)

@@ -7,6 +7,7 @@ spelling, so every context is seen often enough to be measured.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,20 +48,28 @@ def context_moments(bigrams: BigramCounts, classes: SpellingClasses, least_count
 
     A class is named in angle brackets; a word of the text that looks the same is a context of its own.
     """
-    size = len(bigrams.vocabulary)
-    names: dict[tuple[bool, str], int] = {}
-    context = np.empty(size + 1, np.int64)
-    for word_id, (word, count) in enumerate(zip(bigrams.vocabulary, bigrams.count.tolist(), strict=True)):
-        common = count >= least_count
-        name = word if common else f"<{classes.of(word)}>"
-        context[word_id] = names.setdefault((common, name), len(names))
-    context[size] = names.setdefault((False, "<edge>"), len(names))
-    group = sparse.csr_array((np.ones(size + 1), (np.arange(size + 1), context)), shape=(size + 1, len(names)))
-    before = (bigrams.bigrams.T @ group)[:size]
-    after = (bigrams.bigrams @ group)[:size]
-    counts = sparse.csr_array(sparse.hstack([before, after]))
-    counts.sort_indices()
-    return ContextMoments(bigrams.vocabulary, bigrams.count, tuple(name for _, name in names), counts)
+    size, common = len(bigrams.vocabulary), bigrams.count >= least_count
+    own = list(compress(bigrams.vocabulary, common))
+    shared = list(map(classes.of, compress(bigrams.vocabulary, ~common)))
+    number = {name: len(own) + place for place, name in enumerate(dict.fromkeys([*shared, "edge"]))}
+    context = np.empty(size + 1, np.int32)
+    context[:size][common] = np.arange(len(own))
+    context[:size][~common] = [number[name] for name in shared]
+    context[size] = number["edge"]
+    width = len(own) + len(number)
+    before = _grouped(bigrams.bigrams.T.tocsr(), context, 2 * width)
+    after = _grouped(bigrams.bigrams, context + width, 2 * width)
+    counts = sparse.csr_array((before + after)[:size])
+    names = (*own, *(f"<{name}>" for name in number))
+    return ContextMoments(bigrams.vocabulary, bigrams.count, names, counts)
+
+
+def _grouped(counts: sparse.csr_array, column: NDArray[np.int32], width: int) -> sparse.csr_array:
+    """Counts with each column j moved to column[j], where those that meet are added up."""
+    moved = (counts.data.astype(np.float64), column[counts.indices], counts.indptr.copy())
+    grouped = sparse.csr_array(moved, shape=(counts.shape[0], width))
+    grouped.sum_duplicates()
+    return grouped
 
 
 def by_side(counts: Floats) -> Floats:
@@ -80,19 +89,21 @@ def context_label_moments(moments: ContextMoments, anchors: NDArray[np.bool_], s
     return by_side(counted + smoothing * moments.context_probability)
 
 
-def canonical_vectors(moments: ContextMoments, dimension: int, seed: int) -> Floats:
-    """Words as unit vectors [V, dimension] of a canonical correlation analysis with their contexts (section 3.5)."""
-    whitened = _whitened(moments)
-    vectors = np.asarray(whitened @ right_singular_vectors(whitened, dimension, np.random.default_rng(seed)))
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0))
-
-
 def canonical_contexts(moments: ContextMoments, dimension: int, seed: int) -> Floats:
-    """The projection P_C [2C, dimension] of contexts by the same analysis, scaled to act on counts (section 3.5)."""
+    """The projection P_C [2C, dimension] of contexts by a canonical correlation analysis with words (section 3.5).
+
+    It is scaled to act on counts.
+    """
     totals = np.asarray(moments.counts.sum(axis=0)).ravel()
     right = right_singular_vectors(_whitened(moments), dimension, np.random.default_rng(seed))
     return np.asarray(right * _inverse_root(totals)[:, None])
+
+
+def canonical_vectors(counts: sparse.csr_array, projection: Floats) -> Floats:
+    """Words with counts of contexts [n, 2C] as unit vectors [n, dimension] of the analysis that gave P_C."""
+    vectors = np.asarray(counts @ projection)
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(np.divide(vectors, lengths, out=vectors, where=lengths > 0))
 
 
 def _whitened(moments: ContextMoments) -> sparse.csr_array:

@@ -36,12 +36,13 @@ class PosteriorSettings:
 
 @dataclass(frozen=True)
 class ContextPosteriors:
-    """What a word's contexts say about its tag.
+    """What the contexts of n words say about their tags; rows [n] of the vocabulary are the words.
 
-    gamma [V, K]: rows on the simplex; residual [V]: KKT residual of each word's problem;
-    log_ratio [V, K]: mean log of R_hc / q_c over the word's contexts, centred over tags.
+    gamma [n, K]: rows on the simplex; residual [n]: KKT residual of each word's problem;
+    log_ratio [n, K]: mean log of R_hc / q_c over the word's contexts, centred over tags.
     """
 
+    rows: NDArray[np.int64]
     gamma: Floats
     residual: Floats
     log_ratio: Floats
@@ -69,19 +70,15 @@ def cross_fitted_posteriors(
     settings: PosteriorSettings,
     folds: int,
     rng: np.random.Generator,
-    wanted: NDArray[np.bool_],
+    rows: NDArray[np.int64],
 ) -> ContextPosteriors:
-    """As `context_posteriors` for the words `wanted` [V], but each anchor is judged by the anchors of other folds only.
+    """As `context_posteriors` for the words in `rows`, but each anchor is judged by the anchors of other folds only.
 
     An anchor's contexts are part of its own tag's, so judged by itself it looks surer than other words are. A tag
-    whose anchors all fall into one fold keeps them. Words that are not wanted are left without an opinion.
+    whose anchors all fall into one fold keeps them. `rows` rise, and all anchors are among them.
     """
     label_contexts = context_label_moments(moments, anchors, settings.smoothing)
-    rows = np.flatnonzero(wanted)
-    found = _fit(moments, rows, label_contexts, settings, None, 0.0)
-    shape = anchors.shape
-    result = ContextPosteriors(np.full(shape, 1.0 / shape[1]), np.zeros(shape[0]), np.zeros(shape))
-    result.gamma[rows], result.residual[rows], result.log_ratio[rows] = found.gamma, found.residual, found.log_ratio
+    result = _fit(moments, rows, label_contexts, settings, None, 0.0)
     words = np.flatnonzero(anchors.any(axis=1))
     fold = rng.integers(0, folds, len(words))
     for held_out in (words[fold == number] for number in range(folds)):
@@ -89,9 +86,10 @@ def cross_fitted_posteriors(
         kept[held_out] = False
         kept[:, ~kept.any(axis=0)] = anchors[:, ~kept.any(axis=0)]
         judged = _fit(moments, held_out, context_label_moments(moments, kept, settings.smoothing), settings, None, 0.0)
-        result.gamma[held_out] = judged.gamma
-        result.residual[held_out] = judged.residual
-        result.log_ratio[held_out] = judged.log_ratio
+        places = np.searchsorted(rows, held_out)
+        result.gamma[places] = judged.gamma
+        result.residual[places] = judged.residual
+        result.log_ratio[places] = judged.log_ratio
     return result
 
 
@@ -124,7 +122,7 @@ def _fit(
             scaled = label_contexts * np.divide(1.0, overall, out=np.zeros_like(overall), where=overall > 0)
             gram, linear = scaled @ label_contexts.T, (counts @ scaled.T) * 2 / totals
         solution = simplex_posteriors(gram, linear, frequency, seen, lam, settings.solver)
-        return ContextPosteriors(solution.gamma, solution.residual, log_ratio)
+        return ContextPosteriors(rows, solution.gamma, solution.residual, log_ratio)
     prior = np.full(log_ratio.shape, settings.prior / log_ratio.shape[1])
     if lam < 1.0:
         prior += lam / (1.0 - lam) * label_counts
@@ -133,4 +131,4 @@ def _fit(
     )
     if lam == 1.0:
         mixture.gamma[seen], mixture.residual[seen] = frequency[seen], 0.0
-    return ContextPosteriors(mixture.gamma, mixture.residual, log_ratio)
+    return ContextPosteriors(rows, mixture.gamma, mixture.residual, log_ratio)

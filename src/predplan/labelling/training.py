@@ -26,7 +26,7 @@ from predplan.labelling.lexicon import (
 )
 from predplan.labelling.loglinear import fit_emissions, mean_parameters
 from predplan.labelling.models import ChainModel, Clusters, FeatureHiddenMarkovModel, describe, identity_features
-from predplan.labelling.moments import ContextMoments, canonical_vectors, context_moments
+from predplan.labelling.moments import ContextMoments, canonical_contexts, canonical_vectors, context_moments
 from predplan.labelling.posteriors import ContextPosteriors, PosteriorSettings, cross_fitted_posteriors
 from predplan.labelling.sentences import LabelledCorpus, label_counts
 
@@ -64,22 +64,26 @@ class TrainingSettings:
 
 @dataclass(frozen=True)
 class RawStatistics:
-    """All that is learned of the raw text before any label: moments and canonical vectors [V, D]."""
+    """All that is learned of the raw text before any label: moments, and the projection [2C, D] to words' vectors."""
 
     moments: ContextMoments
     word_ids: Mapping[str, int]
-    vectors: Floats
+    projection: Floats
+
+    def vectors(self, rows: NDArray[np.int64]) -> Floats:
+        """Canonical vectors [n, D] of the words in `rows` [n]."""
+        return canonical_vectors(self.moments.counts[rows], self.projection)
 
 
 def raw_statistics(bigrams: BigramCounts, settings: MomentSettings, seed: int) -> RawStatistics:
-    """Moments of contexts, and canonical vectors of words."""
+    """Moments of contexts, and the canonical correlations of words with them."""
     rare = settings.context_count
     classes = SpellingClasses.learn(bigrams.vocabulary, bigrams.count.tolist(), rare, settings.class_types)
     moments = context_moments(bigrams, classes, settings.context_count)
     word_ids = {word: place for place, word in enumerate(bigrams.vocabulary)}
     if settings.vectors == 0:
-        return RawStatistics(moments, word_ids, np.zeros((len(word_ids), 0)))
-    return RawStatistics(moments, word_ids, canonical_vectors(moments, settings.vectors, seed))
+        return RawStatistics(moments, word_ids, np.zeros((moments.counts.shape[1], 0)))
+    return RawStatistics(moments, word_ids, canonical_contexts(moments, settings.vectors, seed))
 
 
 def find_anchors(
@@ -97,10 +101,13 @@ def find_anchors(
 
 
 def gather_evidence(raw: RawStatistics, contexts: ContextPosteriors) -> Evidence:
-    """What contexts say of each word, each measurement scaled by the confidence its count gives."""
-    trust = confidence(raw.moments.word_count)[:, None]
-    values = np.hstack([contexts.gamma * trust, contexts.log_ratio * (0.5 * trust), raw.vectors * trust])
-    return Evidence(raw.word_ids, raw.moments.word_count, values)
+    """What contexts say of each word they judged, each measurement scaled by the confidence its count gives."""
+    count = raw.moments.word_count[contexts.rows]
+    trust = confidence(count)[:, None]
+    vectors = raw.vectors(contexts.rows)
+    values = np.hstack([contexts.gamma * trust, contexts.log_ratio * (0.5 * trust), vectors * trust])
+    word_ids = {raw.moments.vocabulary[row]: place for place, row in enumerate(contexts.rows.tolist())}
+    return Evidence(word_ids, count, values)
 
 
 def learn_evidence(
@@ -124,7 +131,8 @@ def judge_contexts(
     known = [raw.word_ids[word] for word in {*supervision.labels, *supervision.dictionary} if word in raw.word_ids]
     wanted[known] = True
     rng = np.random.default_rng(seed)
-    return cross_fitted_posteriors(raw.moments, anchors, settings.posteriors, settings.folds, rng, wanted)
+    rows = np.flatnonzero(wanted)
+    return cross_fitted_posteriors(raw.moments, anchors, settings.posteriors, settings.folds, rng, rows)
 
 
 def train_feature_model(
