@@ -15,6 +15,8 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MKL_NUM_THREADS := 1
 unexport PYTHONPATH PYTHONHOME
+# Without bytecode beside the packages, each of the many processes would compile them again.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: results test check thesis bench lock clean
 .DELETE_ON_ERROR:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
+from pathlib import Path
+
 from predplan.inspection import record
+from predplan.parallel import run
 from stages.common import CorpusStage, run_corpus_stage
 
 ARTIFACTS = ("bigrams", "anchors", "posteriors", "transitions")
@@ -10,8 +14,14 @@ RESULTS = ("confusion", "tagged", "curve", "scores")
 
 
 def main(stage: CorpusStage) -> None:
-    for artifact in (*map(stage.path, map(table, ARTIFACTS)), *map(stage.result, map(table, RESULTS))):
-        record(artifact, stage.path("recordings") / f"{artifact.stem}.rrd")
+    artifacts = (*map(stage.result, map(table, RESULTS)), *map(stage.path, map(table, ARTIFACTS)))
+    work = partial(record_into, folder=stage.path("recordings"))
+    list(run(work, artifacts, workers=stage.settings.workers, scheduler=stage.settings.scheduler))
+
+
+def record_into(artifact: Path, folder: Path) -> None:
+    """Write the recording of one artifact."""
+    record(artifact, folder / f"{artifact.stem}.rrd")
 
 
 def table(name: str) -> str:
