@@ -12,9 +12,10 @@ from predplan.artifacts.tables import write_table
 from predplan.errors import InputError
 from predplan.labelling import corpora
 from predplan.labelling.languages import keep_language
-from predplan.labelling.readers import read_lines
+from predplan.labelling.readers import RawText
 from predplan.labelling.tables import DICTIONARY, UNTAGGED, write_corpus
 from predplan.labelling.tagmaps import read_tagmap
+from predplan.labelling.tokenising import read_blocks
 from stages.common import CorpusStage, mirror_folder, run_corpus_stage
 
 
@@ -73,18 +74,20 @@ def write_raw(stage: CorpusStage, corpus: corpora.Corpus) -> None:
     for number, path in enumerate(corpus.raw.paths):
         if stage.corpus.languages:
             target = folder / f"{number:03d}-{path.name.removesuffix('.gz')}.gz"
-            _write_lines(target, keep_language(read_lines(path), stage.corpus.languages))
+            blocks = read_blocks(RawText((path,)))
+            lines = (line for block in blocks for line in block.removesuffix(b"\n").split(b"\n"))
+            _write_lines(target, keep_language(lines, stage.corpus.languages))
         else:
             with write_whole(folder / f"{number:03d}-{path.name}") as temporary:
                 shutil.copyfile(path, temporary)
     for name, sentences in (("untagged", corpus.untagged), ("labelled", corpus.train.words)):
-        _write_lines(folder / f"{name}.txt.gz", (" ".join(words) for words in sentences))
+        _write_lines(folder / f"{name}.txt.gz", (" ".join(words).encode() for words in sentences))
 
 
-def _write_lines(path: Path, lines: Iterable[str]) -> None:
+def _write_lines(path: Path, lines: Iterable[bytes]) -> None:
     with write_whole(path) as temporary, temporary.open("wb") as plain, gzip.GzipFile("", "wb", 6, plain, 0) as file:
         for line in lines:
-            file.write(f"{line}\n".encode())
+            file.write(line + b"\n")
 
 
 if __name__ == "__main__":

@@ -137,8 +137,11 @@ def test_a_byte_order_mark_is_no_token() -> None:
 
 
 def test_lines_of_another_language_are_left_out() -> None:
-    english, french = "the weather is lovely this afternoon", "il fait très beau cet après-midi à la plage"
-    assert list(keep_language([english, french, "ok"])) == [english, "ok"]
+    english = b"the weather is lovely this afternoon"
+    french = "il fait très beau cet après-midi à la plage".encode()
+    assert list(keep_language([english, french, b"ok"])) == [english, b"ok"]
     assert list(keep_language([english, french], ("fr",))) == [french]
+    malformed = [b"b\xffd", b"a\0b", b"x" * (LONGEST_LINE + 1)]
+    assert list(keep_language(malformed)) == malformed
     with pytest.raises(InputError, match="xx not known"):
         keep_language([], ("xx",))

@@ -8,6 +8,7 @@ import os
 import shutil
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import ModuleType
@@ -279,17 +280,21 @@ def test_an_interrupted_count_goes_on_where_it_was(counted: CorpusStage, monkeyp
     assert not counted.path("parts").exists()
 
 
-def test_malformed_lines_are_counted_and_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("languages", [(), ("en",)])
+def test_malformed_lines_are_counted_and_left_out(
+    languages: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     project = make_project(tmp_path / "project", workers=1)
     monkeypatch.chdir(project)
     bad = [b"bad \xff\xfe bytes", b"a \0 between", b"x" * 100_001]
     (project / "own" / "raw-1.txt").write_bytes(b"\n".join([b"the cat is", *bad, b"the dog has"]) + b"\n")
     stage = tiny_stage()
+    stage = replace(stage, corpus=stage.corpus.model_copy(update={"languages": languages}))
     for module in (corpus, tokenise, moments):
         module.main(stage)
     found = json.loads(stage.path("tokenise.json").read_text(encoding="utf-8"))
     assert found["malformed"] == {"bad_utf8": 1, "nul": 1, "too_long": 1}
-    assert found["lines"] == 100 + 5 + 20
+    assert languages or found["lines"] == 100 + 5 + 20
     words = read_table(stage.path("words.parquet"), tables.WORDS)["word"].to_pylist()
     assert not {"bad", "bytes", "between"} & set(words)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
@@ -140,22 +141,29 @@ def _longest_line(block: bytes) -> int:
 def _drop_malformed(block: bytes) -> tuple[bytes, LineReport]:
     """The block without its malformed lines, and their number by kind; a line counts under the first kind that fits."""
     kept: list[bytes] = []
-    nul = too_long = bad_utf8 = 0
+    faults = Counter[str]()
     for line in block.split(b"\n"):
-        if b"\0" in line:
-            nul += 1
-        elif len(line.decode(errors="replace")) > LONGEST_LINE:
-            too_long += 1
-        elif _is_utf8(line):
+        fault = _fault(line)
+        if fault is None:
             kept.append(line)
         else:
-            bad_utf8 += 1
-    return b"\n".join(kept), LineReport(bad_utf8=bad_utf8, nul=nul, too_long=too_long)
+            faults[fault] += 1
+    return b"\n".join(kept), LineReport(**faults)
 
 
-def _is_utf8(line: bytes) -> bool:
+def is_malformed(line: bytes) -> bool:
+    """Whether `split_block` drops the line."""
+    return _fault(line) is not None
+
+
+def _fault(line: bytes) -> str | None:
+    """The field of LineReport that a malformed line counts under."""
+    if b"\0" in line:
+        return "nul"
+    if len(line.decode(errors="replace")) > LONGEST_LINE:
+        return "too_long"
     try:
         line.decode()
     except UnicodeDecodeError:
-        return False
-    return True
+        return "bad_utf8"
+    return None
