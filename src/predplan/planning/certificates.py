@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from predplan.planning.distances import nearest
+from predplan.planning.distances import anything_within, nearest
 from predplan.planning.collisions import link_gap
 from predplan.planning.kinematics import forward, to_world
 from predplan.planning.paths import Path
@@ -129,18 +129,27 @@ def prove(
                 x, y, z = to_world(rotations, positions, chain.link_frame[link], chain.link_centre, link)
                 link_centres[link, 0], link_centres[link, 1], link_centres[link, 2] = x, y, z
             remaining, near = 0, np.inf
+            link, clear = -1, False
             for i in range(counts[top, 0]):
                 sphere = open_spheres[top, i]
+                if chain.sphere_link[sphere] != link:  # a link whose whole ball is free needs no look at its spheres
+                    link = chain.sphere_link[sphere]
+                    moved = 1e-9
+                    for j in range(joints):
+                        moved += levers[link, j] * reach[j]
+                    x, y, z = link_centres[link, 0], link_centres[link, 1], link_centres[link, 2]
+                    clear = not anything_within(obstacles, x, y, z, chain.link_radius[link] + margin + moved)
+                if clear:
+                    continue
                 moved = 1e-9
                 for j in range(joints):
                     moved += chain.lever[sphere, j] * reach[j]
                 radius = chain.sphere_radius[sphere] + margin
-                distance, _, _, _, obstacle = nearest(
-                    obstacles, centres[sphere, 0], centres[sphere, 1], centres[sphere, 2], radius + moved
-                )
+                x, y, z = centres[sphere, 0], centres[sphere, 1], centres[sphere, 2]
+                distance, _, _, _, obstacle = nearest(obstacles, x, y, z, radius + moved)
                 if distance < radius:
                     return Verdict(COLLISION, s, sphere, obstacle, radius - distance, looked)
-                if distance < radius + moved:
+                if obstacle >= 0:
                     near = min(near, distance - radius)
                     open_spheres[top + 1, remaining] = sphere
                     remaining += 1

@@ -119,6 +119,26 @@ def descend(
 
 
 @njit(cache=True, error_model="numpy")
+def cheapest(
+    chain: Chain, obstacles: Obstacles, descent: Descent, values: FloatArray, stride: int
+) -> int:
+    """Which of the starts [n, F, D] costs least, judged by every `stride`th position; outside the limits costs too."""
+    best, chosen = np.inf, 0
+    gradient = np.empty(values.shape[2])
+    for n in range(len(values)):
+        cost = 0.0
+        for i in range(stride // 2, values.shape[1], stride):
+            cost += body_cost(chain, obstacles, values[n, i], descent.epsilon, descent.self_epsilon, gradient)[0]
+            for d in range(len(gradient)):
+                cost += max(0.0, values[n, i, d] - chain.upper[d]) + max(0.0, chain.lower[d] - values[n, i, d])
+            if cost > best:
+                break
+        if cost < best:
+            best, chosen = cost, n
+    return chosen
+
+
+@njit(cache=True, error_model="numpy")
 def _evaluate(chain, obstacles, descent, values, costs, gradients):
     """Cost and its gradient by the configuration at every position; returns the smallest clearance."""
     clearance = np.inf

@@ -14,10 +14,10 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from predplan.errors import InputError
-from predplan.planning.certificates import Certificate, Verdict, certify, link_levers, prove
+from predplan.planning.certificates import FREE, Certificate, certify, link_levers, prove
 from predplan.planning.collisions import nearest_names, valid
 from predplan.planning.kernels import Gaussian, Kernel, Waypoints, condition, normalise
-from predplan.planning.optimiser import MAXIMUM_BODY, Descent, Space, descend, space_of
+from predplan.planning.optimiser import MAXIMUM_BODY, Descent, Space, cheapest, descend, line_values, space_of
 from predplan.planning.paths import Path, acceleration_cost, length, polyline, quintic, velocity_cost
 from predplan.planning.robots import FloatArray, Robot
 from predplan.planning.sampling import connect, resampled, shortcut
@@ -33,25 +33,29 @@ METHODS: tuple[Method, ...] = get_args(Method)
 class PlannerSettings:
     """What the planner does; the defaults were chosen on the given seventy problems' scenes (see reports/planning.md)."""
 
-    samples: int = 48  # inner times at which a descent looks at the arm
+    samples: int = 24  # inner times at which a descent looks at the arm
     knots: int = 32  # pieces of the path that is certified and returned
-    width: float = 0.3  # of the Gaussian kernel of the line's and the prior's starts, t in [0, 1]
+    width: float = 0.35  # of the Gaussian kernel of the line's and the prior's starts, t in [0, 1]
     narrow_width: float = 0.1  # of the kernel that sampled paths are projected into
     ridge: float = 1e-4  # of that projection
-    prior_starts: int = 8  # before the first sampled path
+    prior_starts: int = 2  # draws before the first sampled path, and between sampled paths
+    draws: int = 12  # of which the cheapest is a start
+    stride: int = 4  # every how many-th sample it is judged by
     prior_scale: float = 1.0  # rad: standard deviation of the prior where it is largest
-    iterations: int = 40  # of a descent
+    iterations: int = 20  # of a descent from the line or a draw
+    sampled_iterations: int = 30  # of a descent from a sampled path
     sections: int = 6  # one gradient each an iteration
     inverse_step: float = 4.0
     beta: float = 0.0
-    epsilon: float = 0.05  # m: clearance at which obstacles begin to cost
+    epsilon: float = 0.04  # m: clearance at which obstacles begin to cost
     self_epsilon: float = 0.02
-    step_cap: float = 0.3  # rad
+    step_cap: float = 0.15  # rad
     margin: float = 0.002  # m: clearance a descent aims at, beyond what is certified
     reach: float = 1.0  # rad: longest motion RRT-Connect adds
     resolution: float = 0.05  # rad: between configurations it looks at
     search_iterations: int = 2000
     shortcuts: int = 40
+    contractions: int = 3  # halvings of the interval in which the smallest free multiple of f is sought
 
 
 @dataclass(frozen=True)
@@ -153,6 +157,16 @@ def basis_of(kernel: Kernel, joints: int, samples: int, knots: int, ridge: float
     )
 
 
+class Tried(NamedTuple):
+    """Where an attempt ended: the path if it was certified."""
+
+    path: Path | None
+    basis: Basis
+    coefficients: FloatArray  # [F, D]
+    outcome: str
+    iterations: int
+
+
 class Planner:
     """Plans for one robot; made once, used for many scenes. Compiled code is loaded, or compiled and kept, when made."""
 
@@ -205,10 +219,10 @@ class Planner:
             if basis is None:
                 attempts.append(Attempt(name, "no path was found", 0, elapsed))
                 continue
-            path, outcome, iterations = self._attempt(scene, basis, coefficients, start, goal)
-            attempts.append(Attempt(name, outcome, iterations, time.perf_counter() - began))
-            if path is not None:
-                path = self._smoother(scene, path, basis, start, goal)
+            tried = self._attempt(scene, basis, coefficients, start, goal)
+            attempts.append(Attempt(name, tried.outcome, tried.iterations, time.perf_counter() - began))
+            if tried.path is not None:
+                path = self._smoother(scene, tried, start, goal)
                 certificate = certify(self.robot, scene, path)
                 return Plan(
                     self.robot, scene, True, "", method, time.perf_counter() - began, tuple(attempts), certificate, path
@@ -224,12 +238,11 @@ class Planner:
         wide, narrow = self._wide, self._narrow
         if method != "sampled":
             yield "line", wide, np.zeros((samples, joints))
-            drawn = 0
-            while method == "kernel" or drawn < settings.prior_starts:
-                drawn += 1
-                scale = settings.prior_scale * generator.uniform(0.3, 1.0)
-                yield "prior", wide, wide.root @ (scale * generator.standard_normal((wide.root.shape[1], joints)))
         while True:
+            for _ in range(0 if method == "sampled" else settings.prior_starts):
+                yield "prior", wide, self._draw(scene, line_values(wide.space, start, goal), generator)
+            if method == "kernel":
+                continue
             points = connect(
                 self.robot.chain,
                 scene.obstacles,
@@ -247,34 +260,57 @@ class Planner:
             points = shortcut(
                 self.robot.chain, scene.obstacles, points, generator, settings.shortcuts, settings.resolution, 0.0
             )
-            times = narrow.space.times
-            line = start + np.multiply.outer(times, goal - start)
-            yield "sampled", narrow, narrow.ridge @ (resampled(points, times) - line)
+            line = line_values(narrow.space, start, goal)
+            yield "sampled", narrow, narrow.ridge @ (resampled(points, narrow.space.times) - line)
+
+    def _draw(self, scene: Scene, line: FloatArray, generator: np.random.Generator) -> FloatArray:
+        """The cheapest of several draws from the wide kernel's Gaussian process, as coefficients [F, D]."""
+        space, root = self._wide.space, self._wide.root
+        draws = self.settings.draws
+        scales = self.settings.prior_scale * generator.uniform(0.3, 1.0, (draws, 1, 1))
+        coefficients = root @ (scales * generator.standard_normal((draws, root.shape[1], line.shape[1])))
+        values = line + space.gram @ coefficients
+        chosen = cheapest(self.robot.chain, scene.obstacles, self._descent, values, self.settings.stride)
+        return np.ascontiguousarray(coefficients[chosen])
 
     def _attempt(
         self, scene: Scene, basis: Basis, coefficients: FloatArray, start: FloatArray, goal: FloatArray
-    ) -> tuple[Path | None, str, int]:
+    ) -> Tried:
         """Descend until clear, prove; where the proof finds a collision between the samples, ask for more margin."""
         chain, space = self.robot.chain, basis.space
-        line = start + np.multiply.outer(space.times, goal - start)
+        line = line_values(space, start, goal)
         lower, upper = np.broadcast_to(chain.lower, line.shape).copy(), np.broadcast_to(chain.upper, line.shape).copy()
         none = np.empty((0, *line.shape))
-        descent, iterations = self._descent, 0
+        limit = self.settings.iterations if basis is self._wide else self.settings.sampled_iterations
+        descent, iterations = self._descent._replace(iterations=limit), 0
         for _ in range(3):
             ended = descend(chain, scene.obstacles, space, descent, line, coefficients, lower, upper, none)
             iterations += ended.iterations
             coefficients = ended.coefficients
             if ended.clearance < 0.0:
-                return None, "the descent ended in collision", iterations
+                return Tried(None, basis, coefficients, "the descent ended in collision", iterations)
             path = self._path(basis, coefficients, start, goal)
-            verdict = self._prove(scene, path)
-            if verdict.kind == 0:
-                return path, "certified", iterations
+            if self._is_free(scene, path):
+                return Tried(path, basis, coefficients, "certified", iterations)
             descent = descent._replace(margin=2.0 * descent.margin + 0.002, iterations=10)
-        return None, "the proof failed", iterations
+        return Tried(None, basis, coefficients, "the proof failed", iterations)
 
-    def _smoother(self, scene: Scene, path: Path, basis: Basis, start: FloatArray, goal: FloatArray) -> Path:
-        return path
+    def _smoother(self, scene: Scene, tried: Tried, start: FloatArray, goal: FloatArray) -> Path:
+        """A certified path made smoother: seen through the wide kernel, then drawn towards the line, while it is free."""
+        if tried.basis is self._narrow:
+            values = self._narrow.space.gram @ tried.coefficients
+            wider = self._attempt(scene, self._wide, self._wide.ridge @ values, start, goal)
+            tried = tried if wider.path is None else wider
+        best, low, high = tried.path, 0.0, 1.0
+        for _ in range(self.settings.contractions):
+            middle = (low + high) / 2
+            path = self._path(tried.basis, middle * tried.coefficients, start, goal)
+            if self._is_free(scene, path):
+                best, high = path, middle
+            else:
+                low = middle
+        assert best is not None
+        return best
 
     def _path(self, basis: Basis, coefficients: FloatArray, start: FloatArray, goal: FloatArray) -> Path:
         breaks = np.linspace(0.0, 1.0, self.settings.knots + 1)
@@ -284,8 +320,9 @@ class Planner:
         position[0], position[-1] = start, goal
         return quintic(breaks, position, velocity + span, acceleration)
 
-    def _prove(self, scene: Scene, path: Path) -> Verdict:
-        return prove(self.robot.chain, scene.obstacles, path.breaks, path.coefficients, 0.0, self._levers)
+    def _is_free(self, scene: Scene, path: Path) -> bool:
+        verdict = prove(self.robot.chain, scene.obstacles, path.breaks, path.coefficients, 0.0, self._levers)
+        return bool(verdict.kind == FREE)
 
     def _configuration(self, scene: Scene, name: str, q: FloatArray) -> FloatArray:
         robot, chain = self.robot, self.robot.chain
