@@ -66,7 +66,7 @@ def read_scene(
     if Path(path).suffix.lower() in (".xml", ".mjcf"):
         from predplan.planning.mjcf import read_mjcf_shapes  # MuJoCo is needed for its own format only
 
-        name, shapes = read_mjcf_shapes(path, exclude_bodies, cylinders_as)
+        name, shapes = read_mjcf_shapes(path, exclude_bodies)
         return make_scene(shapes, name, str(path))
     content = load_yaml(path, "a planning scene with world.collision_objects")
     if "world" not in content:
