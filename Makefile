@@ -5,7 +5,7 @@ JOBS ?= 2
 
 BIN := $(abspath $(VENV))/bin
 READY := $(VENV)/.ready
-EXTRAS := --extra pipeline --extra dask --extra dev
+EXTRAS := --extra planning --extra kitchen --extra pipeline --extra dask --extra dev
 
 export VIRTUAL_ENV := $(abspath $(VENV))
 export PATH := $(BIN):$(PATH)
