@@ -1,8 +1,10 @@
 """A proof that a whole path, not a sample of it, is free of collision and within joint limits.
 
 By bisection. Over a piece of path each joint stays within Δ_j of the middle's value: the farthest Bernstein coefficient,
-which bounds the polynomial. A body sphere then moves at most Σⱼ leverⱼ Δⱼ from where the middle's kinematics put it, so
-a sphere whose clearance in the middle is larger is free over the whole piece. Spheres that are free are dropped, the
+which bounds the polynomial. Turned one after the other from the outermost joint inwards, each joint swings a body sphere
+around its axis, where the middle's kinematics put it, by at most Δⱼ times the sphere's distance from the axis: its
+distance in the middle and what the joints farther out have moved it. So a sphere whose clearance in the middle is larger
+than the sum is free over the whole piece. Spheres that are free are dropped, the
 piece is halved for the others. What is proved does not depend on how the path is sampled or timed.
 """
 
@@ -14,7 +16,7 @@ from numba import njit
 
 from predplan.planning.distances import anything_within, nearest
 from predplan.planning.collisions import link_gap
-from predplan.planning.kinematics import forward, to_world
+from predplan.planning.kinematics import forward, to_world, world_axis
 from predplan.planning.paths import Path
 from predplan.planning.robots import Chain, FloatArray, Robot
 from predplan.planning.scenes import Obstacles, Scene
@@ -48,7 +50,11 @@ class Verdict(NamedTuple):
 
 def certify(robot: Robot, scene: Scene, path: Path, margin: float = 0.0) -> Certificate:
     """Prove that the path keeps `margin` (m) and the joint limits, or say where it does not."""
-    verdict = prove(robot.chain, scene.obstacles, path.breaks, path.coefficients, margin, link_levers(robot.chain))
+    return stated(robot, scene, prove(robot.chain, scene.obstacles, path.breaks, path.coefficients, margin), margin)
+
+
+def stated(robot: Robot, scene: Scene, verdict: Verdict, margin: float) -> Certificate:
+    """A verdict in the names of the robot and the scene."""
     reason = "" if verdict.kind == FREE else _reason(robot, scene, verdict)
     return Certificate(not reason, margin, verdict.configurations, reason, float("nan") if not reason else verdict.s)
 
@@ -67,19 +73,8 @@ def _reason(robot: Robot, scene: Scene, verdict: Verdict) -> str:
 
 
 @njit(cache=True, error_model="numpy")
-def link_levers(chain: Chain) -> FloatArray:
-    """Largest lever [L, D] of a link's spheres about each joint, their radii left out."""
-    levers = np.zeros((len(chain.link_frame), len(chain.parent)))
-    for s in range(len(chain.sphere_link)):
-        link = chain.sphere_link[s]
-        for j in range(levers.shape[1]):
-            levers[link, j] = max(levers[link, j], chain.lever[s, j])
-    return levers
-
-
-@njit(cache=True, error_model="numpy")
 def prove(
-    chain: Chain, obstacles: Obstacles, breaks: FloatArray, coefficients: FloatArray, margin: float, levers: FloatArray
+    chain: Chain, obstacles: Obstacles, breaks: FloatArray, coefficients: FloatArray, margin: float
 ) -> Verdict:
     """Bisect every piece of the path until each sphere and link pair is proved free, or a fault is found."""
     pieces, order, joints = coefficients.shape
@@ -92,7 +87,7 @@ def prove(
     open_spheres = np.empty((DEEPEST + 2, spheres), np.int64)
     open_pairs = np.empty((DEEPEST + 2, pairs), np.int64)
     counts = np.empty((DEEPEST + 2, 2), np.int64)
-    middle, reach = np.empty(joints), np.empty(joints)
+    middle, reach, axes = np.empty(joints), np.empty(joints), np.empty((joints, 3))
     points = np.empty((order, joints))
     looked = 0
     for piece in range(pieces):
@@ -128,24 +123,22 @@ def prove(
             for link in range(len(link_centres)):
                 x, y, z = to_world(rotations, positions, chain.link_frame[link], chain.link_centre, link)
                 link_centres[link, 0], link_centres[link, 1], link_centres[link, 2] = x, y, z
+            for j in range(joints):
+                axes[j, 0], axes[j, 1], axes[j, 2] = world_axis(chain, rotations, j)
             remaining, near = 0, np.inf
             link, clear = -1, False
             for i in range(counts[top, 0]):
                 sphere = open_spheres[top, i]
                 if chain.sphere_link[sphere] != link:  # a link whose whole ball is free needs no look at its spheres
                     link = chain.sphere_link[sphere]
-                    moved = 1e-9
-                    for j in range(joints):
-                        moved += levers[link, j] * reach[j]
                     x, y, z = link_centres[link, 0], link_centres[link, 1], link_centres[link, 2]
+                    moved = _displacement(chain, chain.link_frame[link], 0, x, y, z, chain.link_radius[link], reach, axes, positions)
                     clear = not anything_within(obstacles, x, y, z, chain.link_radius[link] + margin + moved)
                 if clear:
                     continue
-                moved = 1e-9
-                for j in range(joints):
-                    moved += chain.lever[sphere, j] * reach[j]
                 radius = chain.sphere_radius[sphere] + margin
                 x, y, z = centres[sphere, 0], centres[sphere, 1], centres[sphere, 2]
+                moved = _displacement(chain, chain.sphere_frame[sphere], 0, x, y, z, 0.0, reach, axes, positions)
                 distance, _, _, _, obstacle = nearest(obstacles, x, y, z, radius + moved)
                 if distance < radius:
                     return Verdict(COLLISION, s, sphere, obstacle, radius - distance, looked)
@@ -157,11 +150,11 @@ def prove(
             for i in range(counts[top, 1]):
                 pair = open_pairs[top, i]
                 a, b = chain.link_pairs[pair, 0], chain.link_pairs[pair, 1]
-                moved = 1e-9
-                for j in range(joints):
-                    moves_a, moves_b = chain.moves[chain.link_frame[a], j], chain.moves[chain.link_frame[b], j]
-                    if moves_a != moves_b:
-                        moved += (levers[a, j] if moves_a else levers[b, j]) * reach[j]
+                moved = 0.0
+                for one, other in ((a, b), (b, a)):
+                    x, y, z = link_centres[one, 0], link_centres[one, 1], link_centres[one, 2]
+                    frame, against = chain.link_frame[one], chain.link_frame[other]
+                    moved += _displacement(chain, frame, against, x, y, z, chain.link_radius[one], reach, axes, positions)
                 gap = link_gap(chain, a, b, link_centres, centres, moved + margin)[0]
                 if gap < margin:
                     return Verdict(SELF_COLLISION, s, pair, -1, margin - gap, looked)
@@ -185,3 +178,31 @@ def prove(
             counts[top + 1, 0], counts[top + 1, 1] = remaining, remaining_pairs
             top += 1
     return Verdict(FREE, np.nan, -1, -1, 0.0, looked)
+
+
+@njit(cache=True, error_model="numpy")
+def _displacement(
+    chain: Chain,
+    frame: int,
+    against: int,
+    x: float,
+    y: float,
+    z: float,
+    radius: float,
+    reach: FloatArray,
+    axes: FloatArray,
+    positions: FloatArray,
+) -> float:
+    """How far (m) any point within `radius` of a point of a frame can move, seen from the frame `against`."""
+    moved = 1e-9  # covers the rounding of the kinematics
+    for j in range(len(reach) - 1, -1, -1):
+        if not chain.moves[frame, j] or chain.moves[against, j]:
+            continue
+        if chain.prismatic[j]:
+            moved += reach[j]
+        else:
+            dx, dy, dz = x - positions[j + 1, 0], y - positions[j + 1, 1], z - positions[j + 1, 2]
+            ax, ay, az = axes[j, 0], axes[j, 1], axes[j, 2]
+            u, v, w = dy * az - dz * ay, dz * ax - dx * az, dx * ay - dy * ax
+            moved += (np.sqrt(u * u + v * v + w * w) + radius + moved) * reach[j]
+    return moved

@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from predplan.errors import InputError
-from predplan.planning.certificates import FREE, Certificate, certify, link_levers, prove
+from predplan.planning.certificates import FREE, Certificate, Verdict, prove, stated
 from predplan.planning.collisions import nearest_names, valid
 from predplan.planning.kernels import Gaussian, Kernel, Waypoints, condition, normalise
 from predplan.planning.optimiser import MAXIMUM_BODY, Descent, Space, cheapest, descend, line_values, space_of
@@ -161,6 +161,7 @@ class Tried(NamedTuple):
     """Where an attempt ended: the path if it was certified."""
 
     path: Path | None
+    verdict: Verdict | None
     basis: Basis
     coefficients: FloatArray  # [F, D]
     outcome: str
@@ -178,7 +179,6 @@ class Planner:
         narrow = normalise(condition(Gaussian(settings.narrow_width)))
         self._wide = basis_of(wide, joints, settings.samples, settings.knots, settings.ridge)
         self._narrow = basis_of(narrow, joints, settings.samples, settings.knots, settings.ridge)
-        self._levers = link_levers(robot.chain)
         self._descent = Descent(
             reduce=MAXIMUM_BODY,
             sections=settings.sections,
@@ -221,11 +221,11 @@ class Planner:
                 continue
             tried = self._attempt(scene, basis, coefficients, start, goal)
             attempts.append(Attempt(name, tried.outcome, tried.iterations, time.perf_counter() - began))
-            if tried.path is not None:
-                path = self._smoother(scene, tried, start, goal)
-                certificate = certify(self.robot, scene, path)
+            if tried.path is not None and tried.verdict is not None:
+                tried = tried if name == "line" else self._smoother(scene, tried, start, goal)
+                certificate = stated(self.robot, scene, tried.verdict, 0.0)
                 return Plan(
-                    self.robot, scene, True, "", method, time.perf_counter() - began, tuple(attempts), certificate, path
+                    self.robot, scene, True, "", method, time.perf_counter() - began, tuple(attempts), certificate, tried.path
                 )
         reason = f"no certified trajectory within {budget:g} s: {_summary(attempts)}"
         return Plan(self.robot, scene, False, reason, method, time.perf_counter() - began, tuple(attempts), None, None)
@@ -288,29 +288,30 @@ class Planner:
             iterations += ended.iterations
             coefficients = ended.coefficients
             if ended.clearance < 0.0:
-                return Tried(None, basis, coefficients, "the descent ended in collision", iterations)
+                return Tried(None, None, basis, coefficients, "the descent ended in collision", iterations)
             path = self._path(basis, coefficients, start, goal)
-            if self._is_free(scene, path):
-                return Tried(path, basis, coefficients, "certified", iterations)
+            verdict = self._prove(scene, path)
+            if verdict.kind == FREE:
+                return Tried(path, verdict, basis, coefficients, "certified", iterations)
             descent = descent._replace(margin=2.0 * descent.margin + 0.002, iterations=10)
-        return Tried(None, basis, coefficients, "the proof failed", iterations)
+        return Tried(None, verdict, basis, coefficients, "the proof failed", iterations)
 
-    def _smoother(self, scene: Scene, tried: Tried, start: FloatArray, goal: FloatArray) -> Path:
+    def _smoother(self, scene: Scene, tried: Tried, start: FloatArray, goal: FloatArray) -> Tried:
         """A certified path made smoother: seen through the wide kernel, then drawn towards the line, while it is free."""
         if tried.basis is self._narrow:
             values = self._narrow.space.gram @ tried.coefficients
             wider = self._attempt(scene, self._wide, self._wide.ridge @ values, start, goal)
             tried = tried if wider.path is None else wider
-        best, low, high = tried.path, 0.0, 1.0
+        whole, low, high = tried.coefficients, 0.0, 1.0
         for _ in range(self.settings.contractions):
             middle = (low + high) / 2
-            path = self._path(tried.basis, middle * tried.coefficients, start, goal)
-            if self._is_free(scene, path):
-                best, high = path, middle
+            path = self._path(tried.basis, middle * whole, start, goal)
+            verdict = self._prove(scene, path)
+            if verdict.kind == FREE:
+                tried, high = tried._replace(path=path, verdict=verdict), middle
             else:
                 low = middle
-        assert best is not None
-        return best
+        return tried
 
     def _path(self, basis: Basis, coefficients: FloatArray, start: FloatArray, goal: FloatArray) -> Path:
         breaks = np.linspace(0.0, 1.0, self.settings.knots + 1)
@@ -320,9 +321,9 @@ class Planner:
         position[0], position[-1] = start, goal
         return quintic(breaks, position, velocity + span, acceleration)
 
-    def _is_free(self, scene: Scene, path: Path) -> bool:
-        verdict = prove(self.robot.chain, scene.obstacles, path.breaks, path.coefficients, 0.0, self._levers)
-        return bool(verdict.kind == FREE)
+    def _prove(self, scene: Scene, path: Path) -> Verdict:
+        verdict: Verdict = prove(self.robot.chain, scene.obstacles, path.breaks, path.coefficients, 0.0)
+        return verdict
 
     def _configuration(self, scene: Scene, name: str, q: FloatArray) -> FloatArray:
         robot, chain = self.robot, self.robot.chain
