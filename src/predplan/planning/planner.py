@@ -33,28 +33,29 @@ METHODS: tuple[Method, ...] = get_args(Method)
 class PlannerSettings:
     """What the planner does; the defaults were chosen on the given seventy problems' scenes (see reports/planning.md)."""
 
-    samples: int = 24  # inner times at which a descent looks at the arm
-    knots: int = 32  # pieces of the path that is certified and returned
-    width: float = 0.35  # of the Gaussian kernel of the line's and the prior's starts, t in [0, 1]
-    narrow_width: float = 0.1  # of the kernel that sampled paths are projected into
+    samples: int = 20  # inner times at which a descent looks at the arm
+    knots: int = 24  # pieces of the path that is certified and returned
+    width: float = 0.3  # of the Gaussian kernel of the line's and the prior's starts, t in [0, 1]
+    middle_width: float = 0.16  # of the kernel that a path too tight for the wide one is seen through
+    narrow_width: float = 0.07  # of the kernel that sampled paths are projected into
     ridge: float = 1e-4  # of that projection
-    prior_starts: int = 2  # draws before the first sampled path, and between sampled paths
-    draws: int = 12  # of which the cheapest is a start
-    stride: int = 4  # every how many-th sample it is judged by
+    prior_starts: int = 1  # draws before the first sampled path, and between sampled paths
+    draws: int = 8  # of which the cheapest is a start
+    stride: int = 3  # every how many-th sample it is judged by
     prior_scale: float = 1.0  # rad: standard deviation of the prior where it is largest
-    iterations: int = 20  # of a descent from the line or a draw
-    sampled_iterations: int = 30  # of a descent from a sampled path
+    iterations: int = 22  # of a descent from the line or a draw
+    sampled_iterations: int = 15  # of a descent from a sampled path
     sections: int = 6  # one gradient each an iteration
-    inverse_step: float = 4.0
+    inverse_step: float = 2.0
     beta: float = 0.0
-    epsilon: float = 0.04  # m: clearance at which obstacles begin to cost
+    epsilon: float = 0.05  # m: clearance at which obstacles begin to cost
     self_epsilon: float = 0.02
     step_cap: float = 0.15  # rad
-    margin: float = 0.002  # m: clearance a descent aims at, beyond what is certified
-    reach: float = 1.0  # rad: longest motion RRT-Connect adds
-    resolution: float = 0.05  # rad: between configurations it looks at
+    margin: float = 0.001  # m: clearance a descent aims at, beyond what is certified
+    reach: float = 1.5  # rad: longest motion RRT-Connect adds
+    resolution: float = 0.08  # rad: between configurations it looks at
     search_iterations: int = 2000
-    shortcuts: int = 40
+    shortcuts: int = 10
     contractions: int = 3  # halvings of the interval in which the smallest free multiple of f is sought
 
 
@@ -178,6 +179,8 @@ class Planner:
         wide = normalise(condition(Gaussian(settings.width)))
         narrow = normalise(condition(Gaussian(settings.narrow_width)))
         self._wide = basis_of(wide, joints, settings.samples, settings.knots, settings.ridge)
+        middle = normalise(condition(Gaussian(settings.middle_width)))
+        self._middle = basis_of(middle, joints, settings.samples, settings.knots, settings.ridge)
         self._narrow = basis_of(narrow, joints, settings.samples, settings.knots, settings.ridge)
         self._descent = Descent(
             reduce=MAXIMUM_BODY,
@@ -300,8 +303,11 @@ class Planner:
         """A certified path made smoother: seen through the wide kernel, then drawn towards the line, while it is free."""
         if tried.basis is self._narrow:
             values = self._narrow.space.gram @ tried.coefficients
-            wider = self._attempt(scene, self._wide, self._wide.ridge @ values, start, goal)
-            tried = tried if wider.path is None else wider
+            for basis in (self._wide, self._middle):
+                wider = self._attempt(scene, basis, basis.ridge @ values, start, goal)
+                if wider.path is not None:
+                    tried = wider
+                    break
         whole, low, high = tried.coefficients, 0.0, 1.0
         for _ in range(self.settings.contractions):
             middle = (low + high) / 2
