@@ -86,7 +86,9 @@ def test_waypoints_have_the_velocity_metrics_inverse_at_their_own_times() -> Non
 def test_conditioned_kernels_vanish_at_both_ends(name: str) -> None:
     kernel = condition(KERNELS[name])
     inner = np.linspace(0.0, 1.0, 21)
-    assert np.abs(kernel.gram(np.array([0.0, 1.0]), inner)).max() < 1e-12 * np.abs(KERNELS[name].gram(inner, inner)).max()
+    assert (
+        np.abs(kernel.gram(np.array([0.0, 1.0]), inner)).max() < 1e-12 * np.abs(KERNELS[name].gram(inner, inner)).max()
+    )
 
 
 def test_conditioning_on_end_velocities() -> None:

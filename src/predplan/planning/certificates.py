@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from predplan.planning.distances import anything_within, nearest
 from predplan.planning.collisions import link_gap
+from predplan.planning.distances import anything_within, nearest
 from predplan.planning.kinematics import forward, to_world, world_axis
 from predplan.planning.paths import Path
 from predplan.planning.robots import Chain, FloatArray, Robot
@@ -73,9 +73,7 @@ def _reason(robot: Robot, scene: Scene, verdict: Verdict) -> str:
 
 
 @njit(cache=True, error_model="numpy")
-def prove(
-    chain: Chain, obstacles: Obstacles, breaks: FloatArray, coefficients: FloatArray, margin: float
-) -> Verdict:
+def prove(chain: Chain, obstacles: Obstacles, breaks: FloatArray, coefficients: FloatArray, margin: float) -> Verdict:
     """Bisect every piece of the path until each sphere and link pair is proved free, or a fault is found."""
     pieces, order, joints = coefficients.shape
     spheres, pairs = len(chain.sphere_radius), len(chain.link_pairs)
@@ -132,7 +130,9 @@ def prove(
                 if chain.sphere_link[sphere] != link:  # a link whose whole ball is free needs no look at its spheres
                     link = chain.sphere_link[sphere]
                     x, y, z = link_centres[link, 0], link_centres[link, 1], link_centres[link, 2]
-                    moved = _displacement(chain, chain.link_frame[link], 0, x, y, z, chain.link_radius[link], reach, axes, positions)
+                    moved = _displacement(
+                        chain, chain.link_frame[link], 0, x, y, z, chain.link_radius[link], reach, axes, positions
+                    )
                     clear = not anything_within(obstacles, x, y, z, chain.link_radius[link] + margin + moved)
                 if clear:
                     continue
@@ -154,7 +154,9 @@ def prove(
                 for one, other in ((a, b), (b, a)):
                     x, y, z = link_centres[one, 0], link_centres[one, 1], link_centres[one, 2]
                     frame, against = chain.link_frame[one], chain.link_frame[other]
-                    moved += _displacement(chain, frame, against, x, y, z, chain.link_radius[one], reach, axes, positions)
+                    moved += _displacement(
+                        chain, frame, against, x, y, z, chain.link_radius[one], reach, axes, positions
+                    )
                 gap = link_gap(chain, a, b, link_centres, centres, moved + margin)[0]
                 if gap < margin:
                     return Verdict(SELF_COLLISION, s, pair, -1, margin - gap, looked)

@@ -45,7 +45,7 @@ class Gaussian:
         scaled = np.subtract.outer(s, t) / self.width
         order = s_order + t_order
         hermite = np.polynomial.hermite_e.hermeval(scaled, [0.0] * order + [1.0])
-        return (-1.0) ** s_order / self.width**order * hermite * np.exp(-0.5 * scaled**2)
+        return np.asarray((-1.0) ** s_order / self.width**order * hermite * np.exp(-0.5 * scaled**2), np.float64)
 
 
 @dataclass(frozen=True)
@@ -117,8 +117,7 @@ class Waypoints:
         first = np.diff(np.eye(self.count + 2), axis=0)
         differences = first if self.metric == "velocity" else np.diff(first, axis=0)
         inner = differences[:, 1:-1]
-        inverse: FloatArray = np.linalg.inv(inner.T @ inner)
-        return inverse
+        return np.asarray(np.linalg.inv(inner.T @ inner), np.float64)
 
     def interpolation(self, t: FloatArray, order: int = 0) -> FloatArray:
         """Weights [n, count] of the waypoints in the trajectory at t [n], or in its derivatives."""
@@ -186,7 +185,7 @@ class Sum:
 
     def gram(self, s: FloatArray, t: FloatArray, s_order: int = 0, t_order: int = 0) -> FloatArray:
         """Derivatives add."""
-        return np.sum([kernel.gram(s, t, s_order, t_order) for kernel in self.kernels], axis=0)
+        return np.asarray(np.sum([kernel.gram(s, t, s_order, t_order) for kernel in self.kernels], axis=0))
 
 
 @dataclass(frozen=True)
@@ -259,7 +258,11 @@ def condition(kernel: Kernel, end_velocities: bool = False) -> Kernel:
     """
     if end_velocities and kernel.smoothness < 1:
         raise ValueError(f"{kernel} has no derivative in its space: it cannot be conditioned on end velocities")
-    return Conditioned(kernel, (0.0, 1.0, 0.0, 1.0), (0, 0, 1, 1)) if end_velocities else Conditioned(kernel, (0.0, 1.0), (0, 0))
+    return (
+        Conditioned(kernel, (0.0, 1.0, 0.0, 1.0), (0, 0, 1, 1))
+        if end_velocities
+        else Conditioned(kernel, (0.0, 1.0), (0, 0))
+    )
 
 
 def normalise(kernel: Kernel, samples: int = 513) -> Kernel:

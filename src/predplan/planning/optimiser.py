@@ -55,7 +55,9 @@ class Descended(NamedTuple):
     iterations: int
 
 
-def space_of(kernel: Kernel, joint: FloatArray, samples: int, quadrature: bool = False, velocities: bool = False) -> Space:
+def space_of(
+    kernel: Kernel, joint: FloatArray, samples: int, quadrature: bool = False, velocities: bool = False
+) -> Space:
     """The space of a kernel seen through its positions (and velocities) at `samples` inner times.
 
     Times are equally spaced, or Gauss-Legendre nodes mapped to [0, 1] with their weights halved (§4.4.1 uses [-1, 1]).
@@ -96,7 +98,7 @@ def descend(
     """
     samples, joints = len(space.weights), line.shape[1]
     coefficients = coefficients.copy()
-    deviations = _times_joint(space.gram @ coefficients, space.joint)
+    deviations = space.gram @ coefficients @ space.joint
     meet_limits(space, line, lower, upper, coefficients, deviations)
     values = line + deviations
     costs, gradients = np.empty(samples), np.empty((samples, joints))
@@ -119,9 +121,7 @@ def descend(
 
 
 @njit(cache=True, error_model="numpy")
-def cheapest(
-    chain: Chain, obstacles: Obstacles, descent: Descent, values: FloatArray, stride: int
-) -> int:
+def cheapest(chain: Chain, obstacles: Obstacles, descent: Descent, values: FloatArray, stride: int) -> int:
     """Which of the starts [n, F, D] costs least, judged by every `stride`th position; outside the limits costs too."""
     best, chosen = np.inf, 0
     gradient = np.empty(values.shape[2])
@@ -139,7 +139,9 @@ def cheapest(
 
 
 @njit(cache=True, error_model="numpy")
-def _evaluate(chain, obstacles, descent, values, costs, gradients):
+def _evaluate(
+    chain: Chain, obstacles: Obstacles, descent: Descent, values: FloatArray, costs: FloatArray, gradients: FloatArray
+) -> float:
     """Cost and its gradient by the configuration at every position; returns the smallest clearance."""
     clearance = np.inf
     for i in range(len(costs)):
@@ -154,7 +156,9 @@ def _evaluate(chain, obstacles, descent, values, costs, gradients):
 
 
 @njit(cache=True, error_model="numpy")
-def _reduced_gradient(space, descent, values, costs, gradients, slope):
+def _reduced_gradient(
+    space: Space, descent: Descent, values: FloatArray, costs: FloatArray, gradients: FloatArray, slope: FloatArray
+) -> None:
     """Coefficients [F, D] of U_obs's functional gradient (Eq. 4.13) before the joint matrix."""
     samples = len(costs)
     slope[:] = 0.0
@@ -176,7 +180,7 @@ def _reduced_gradient(space, descent, values, costs, gradients, slope):
 
 
 @njit(cache=True, error_model="numpy")
-def _step(space, descent, slope, coefficients, deviations):
+def _step(space: Space, descent: Descent, slope: FloatArray, coefficients: FloatArray, deviations: FloatArray) -> None:
     """One update of Eq. 4.12, its largest change of a joint capped; coefficients and deviations change in place."""
     change = -descent.beta / descent.inverse_step * deviations
     for i in range(len(slope)):
@@ -192,7 +196,14 @@ def _step(space, descent, slope, coefficients, deviations):
 
 
 @njit(cache=True, error_model="numpy")
-def meet_limits(space, line, lower, upper, coefficients, deviations):
+def meet_limits(
+    space: Space,
+    line: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    coefficients: FloatArray,
+    deviations: FloatArray,
+) -> None:
     """Project f onto {lower <= line + f <= upper} in the space's norm (Eqs. 4.16-4.19, with the signs mended).
 
     An active set grows by the worst violation of each joint and loses constraints whose multiplier turns negative,
@@ -207,7 +218,7 @@ def meet_limits(space, line, lower, upper, coefficients, deviations):
     for _ in range(12):
         added = False
         for d in range(joints):
-            worst, row, sign = 1e-10, -1, 0.0
+            worst, row, sign = 1e-8, -1, 0.0
             for f in range(functionals):
                 value = line[f, d] + deviations[f, d]
                 if value - upper[f, d] > worst:
@@ -243,11 +254,4 @@ def meet_limits(space, line, lower, upper, coefficients, deviations):
             coefficients[rows[i], columns[i]] -= signs[i] * multipliers[i]
             for f in range(functionals):
                 for d in range(joints):
-                    deviations[f, d] -= (
-                        signs[i] * multipliers[i] * space.gram[f, rows[i]] * space.joint[columns[i], d]
-                    )
-
-
-@njit(cache=True, error_model="numpy")
-def _times_joint(values, joint):
-    return values @ joint
+                    deviations[f, d] -= signs[i] * multipliers[i] * space.gram[f, rows[i]] * space.joint[columns[i], d]

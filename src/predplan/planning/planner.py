@@ -14,11 +14,11 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from predplan.errors import InputError
-from predplan.planning.certificates import FREE, Certificate, Verdict, prove, stated
+from predplan.planning.certificates import FREE, UNDECIDED, Certificate, Verdict, prove, stated
 from predplan.planning.collisions import nearest_names, valid
-from predplan.planning.kernels import Gaussian, Kernel, Waypoints, condition, normalise
+from predplan.planning.kernels import Gaussian, Kernel, condition, normalise
 from predplan.planning.optimiser import MAXIMUM_BODY, Descent, Space, cheapest, descend, line_values, space_of
-from predplan.planning.paths import Path, acceleration_cost, length, polyline, quintic, velocity_cost
+from predplan.planning.paths import Path, acceleration_cost, length, quintic, velocity_cost
 from predplan.planning.robots import FloatArray, Robot
 from predplan.planning.sampling import connect, resampled, shortcut
 from predplan.planning.scenes import Scene
@@ -154,15 +154,19 @@ def basis_of(kernel: Kernel, joints: int, samples: int, knots: int, ridge: float
         space,
         (kernel.gram(at, space.times), kernel.gram(at, space.times, 1), kernel.gram(at, space.times, 2)),
         np.ascontiguousarray(vectors[:, kept] / np.sqrt(values[kept])),
-        np.linalg.inv(space.gram + ridge * np.eye(samples)),
+        np.asarray(np.linalg.inv(space.gram + ridge * np.eye(samples)), np.float64),
     )
+
+
+UNTRIED = Verdict(UNDECIDED, np.nan, -1, -1, np.nan, 0)
+"""Of an attempt that did not come to a proof."""
 
 
 class Tried(NamedTuple):
     """Where an attempt ended: the path if it was certified."""
 
     path: Path | None
-    verdict: Verdict | None
+    verdict: Verdict
     basis: Basis
     coefficients: FloatArray  # [F, D]
     outcome: str
@@ -224,11 +228,20 @@ class Planner:
                 continue
             tried = self._attempt(scene, basis, coefficients, start, goal)
             attempts.append(Attempt(name, tried.outcome, tried.iterations, time.perf_counter() - began))
-            if tried.path is not None and tried.verdict is not None:
-                tried = tried if name == "line" else self._smoother(scene, tried, start, goal)
+            if tried.path is not None:
+                if name != "line":
+                    tried = self._smoother(scene, tried, start, goal)
                 certificate = stated(self.robot, scene, tried.verdict, 0.0)
                 return Plan(
-                    self.robot, scene, True, "", method, time.perf_counter() - began, tuple(attempts), certificate, tried.path
+                    self.robot,
+                    scene,
+                    True,
+                    "",
+                    method,
+                    time.perf_counter() - began,
+                    tuple(attempts),
+                    certificate,
+                    tried.path,
                 )
         reason = f"no certified trajectory within {budget:g} s: {_summary(attempts)}"
         return Plan(self.robot, scene, False, reason, method, time.perf_counter() - began, tuple(attempts), None, None)
@@ -291,7 +304,7 @@ class Planner:
             iterations += ended.iterations
             coefficients = ended.coefficients
             if ended.clearance < 0.0:
-                return Tried(None, None, basis, coefficients, "the descent ended in collision", iterations)
+                return Tried(None, UNTRIED, basis, coefficients, "the descent ended in collision", iterations)
             path = self._path(basis, coefficients, start, goal)
             verdict = self._prove(scene, path)
             if verdict.kind == FREE:

@@ -4,12 +4,14 @@ import numpy as np
 from numba import njit
 
 from predplan.planning.collisions import valid
-from predplan.planning.robots import Chain, FloatArray
+from predplan.planning.robots import Chain, FloatArray, IntArray
 from predplan.planning.scenes import Obstacles
 
 
 @njit(cache=True, error_model="numpy")
-def motion_is_valid(chain: Chain, obstacles: Obstacles, start: FloatArray, goal: FloatArray, resolution: float, margin: float) -> bool:
+def motion_is_valid(
+    chain: Chain, obstacles: Obstacles, start: FloatArray, goal: FloatArray, resolution: float, margin: float
+) -> bool:
     """Whether configurations at most `resolution` (rad or m, largest joint) apart are valid between two valid ones.
 
     The middle is looked at first, then the quarters: a collision is more likely far from what is known to be free.
@@ -54,10 +56,7 @@ def connect(
     target, new = np.empty(joints), np.empty(joints)
     tree = 0
     for _ in range(iterations):
-        if sizes[0] > sizes[1]:
-            tree = 1
-        else:
-            tree = 0
+        tree = 1 if sizes[0] > sizes[1] else 0
         for j in range(joints):
             target[j] = chain.lower[j] + (chain.upper[j] - chain.lower[j]) * generator.random()
         near = _nearest_node(nodes[tree], sizes[tree], target)
@@ -91,7 +90,7 @@ def connect(
 
 
 @njit(cache=True, error_model="numpy")
-def _nearest_node(nodes, size, target):
+def _nearest_node(nodes: FloatArray, size: int, target: FloatArray) -> int:
     best, nearest = np.inf, 0
     for i in range(size):
         square = 0.0
@@ -104,7 +103,7 @@ def _nearest_node(nodes, size, target):
 
 
 @njit(cache=True, error_model="numpy")
-def _towards(origin, target, reach, new):
+def _towards(origin: FloatArray, target: FloatArray, reach: float, new: FloatArray) -> bool:
     """Fill `new` with the point at most `reach` from origin towards target; whether that is the target."""
     square = 0.0
     for j in range(len(origin)):
@@ -112,11 +111,11 @@ def _towards(origin, target, reach, new):
     fraction = min(1.0, reach / max(np.sqrt(square), 1e-300))
     for j in range(len(origin)):
         new[j] = origin[j] + fraction * (target[j] - origin[j])
-    return fraction == 1.0
+    return bool(fraction == 1.0)
 
 
 @njit(cache=True, error_model="numpy")
-def _joined(nodes, parents, tree, first, second):
+def _joined(nodes: FloatArray, parents: IntArray, tree: int, first: int, second: int) -> FloatArray:
     """The branch of `first` in its tree and of `second` in the other, from start to goal."""
     ends = np.array([first, second]) if tree == 0 else np.array([second, first])
     count = 0

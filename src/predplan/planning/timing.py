@@ -70,7 +70,9 @@ def parametrise(path: Path, velocity_limit: FloatArray, acceleration_limit: Floa
     ]
     starts = np.cumsum([0.0, *(timing.duration for timing in timings[:-1])])
     return Timing(
-        np.concatenate([timings[0].times[:1], *(timing.times[1:] + at for timing, at in zip(timings, starts, strict=True))]),
+        np.concatenate(
+            [timings[0].times[:1], *(timing.times[1:] + at for timing, at in zip(timings, starts, strict=True))]
+        ),
         np.concatenate([timings[0].s[:1], *(timing.s[1:] for timing in timings)]),
         np.concatenate([timings[0].speed[:1], *(timing.speed[1:] for timing in timings)]),
     )
@@ -95,7 +97,9 @@ def _between_stops(
         raise PredplanError("no timing of the path keeps the velocity and acceleration limits")
     mean = 0.5 * (speed[1:] + speed[:-1])
     if np.any(mean <= 0.0):
-        raise PredplanError("no timing of the path keeps the velocity and acceleration limits: it would have to stand still")
+        raise PredplanError(
+            "no timing of the path keeps the velocity and acceleration limits: it would have to stand still"
+        )
     times = np.concatenate([[0.0], np.cumsum(np.diff(grid) / mean)])
     return _slowed(path, Timing(times, grid, speed), velocity_limit, acceleration_limit)
 

@@ -112,7 +112,9 @@ def compress(trajectory: Trajectory, tolerance: float) -> Compressed:
     gram = support_gram(trajectory)
     height = _largest_representer(trajectory)
     chosen: list[int] = []
-    best = replace(trajectory, times=np.zeros(0), orders=np.zeros(0, np.int64), coefficients=np.zeros((0, len(trajectory.start))))
+    best = replace(
+        trajectory, times=np.zeros(0), orders=np.zeros(0, np.int64), coefficients=np.zeros((0, len(trajectory.start)))
+    )
     residual = trajectory.coefficients
     distance = norm(trajectory)
     while distance * height > tolerance and len(chosen) < len(gram):
