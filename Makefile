@@ -36,8 +36,8 @@ check: $(READY) ## style, types, direction of imports
 thesis: $(READY) ## the pipeline at the thesis's scale
 	$(BIN)/dvc repro thesis/dvc.yaml
 
-bench: $(READY) ## speed, measured on this machine
-	$(BIN)/python -m stages.bench
+bench: $(READY) ## speed, measured on this machine; LARGE=--large adds 100 million generated tokens
+	$(BIN)/python -m stages.bench $(LARGE)
 
 lock: $(READY) ## pin every dependency anew, by hash
 	$(BIN)/uv pip compile --quiet --upgrade --universal --generate-hashes --python-version 3.11 --no-header $(EXTRAS) \

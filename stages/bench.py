@@ -1,17 +1,20 @@
 """Speed on this machine, all in one run: `make bench`; figures go to the screen and to data/bench.json.
 
-Raw text: the mirror's tweets (PREDPLAN_MIRROR) where they are, else Brown's words as the corpus stage left them.
+Raw text: the mirror's tweets (PREDPLAN_MIRROR) where they are, else Brown's words as the corpus stage left them. With
+`make bench LARGE=--large` also a fit on 100 million tokens of generated text, which takes some minutes and 300 MB of
+temporary files.
 """
 
 from __future__ import annotations
 
+import argparse
 import gzip
-import resource
+import os
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +24,7 @@ from rich.console import Console
 from rich.table import Table
 
 from predplan.artifacts.files import write_json
-from predplan.errors import InputError
+from predplan.errors import InputError, PredplanError
 from predplan.labelling import AnchorTagger
 from predplan.labelling.readers import RawText, Style, read_labelled
 from predplan.labelling.sentences import LabelledCorpus
@@ -33,14 +36,18 @@ from stages.common import mirror_folder
 
 STATES, WORDS = 12, 20_000
 LABELLED = 150
+LARGE_TOKENS, SENTENCE_LENGTH, SENTENCES_AT_ONCE = 100_000_000, 16, 100_000
+SYLLABLES = [consonant + vowel for consonant in "bcdfghjklmnpqrstvwxz" for vowel in "aeiou"]
 TRAIN = Path("data/labelling/brown/train.parquet")
 BROWN_RAW = Path("data/labelling/brown/raw")
 
 
-def main() -> None:
+def main(large: bool) -> None:
     """Measure, print and write every figure."""
     raw, style = raw_text()
     figures = {**quadratic_programs(), **counting(raw, style), **whole_runs(raw, style)}
+    if large:
+        figures |= large_run()
     write_json(Path("data/bench.json"), figures)
     table = Table("what", "figure", title=f"raw text: {len(raw)} files, style {style}")
     for name, value in figures.items():
@@ -113,23 +120,73 @@ def whole_runs(raw: tuple[Path, ...], style: Style) -> dict[str, float]:
     figures: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as folder:
         labelled = Path(folder) / "labelled.tsv"
-        pairs = (
-            "\n".join(map("\t".join, zip(w, map(str, t), strict=True)))
-            for w, t in zip(*vars(corpus).values(), strict=True)
-        )
-        labelled.write_text("\n\n".join(pairs) + "\n")
+        write_labelled(labelled, corpus)
         for kind, copies in (("hmm", 1), ("hmm", 8), ("fhmm", 1), ("crf", 1)):
             out = Path(folder) / f"{kind}-{copies}"
-            files = [f"--raw={path}" for path in raw * copies]
-            command = [sys.executable, "-m", "predplan", "label", "fit", f"--labelled={labelled}", *files]
-            start = time.perf_counter()
-            subprocess.run([*command, f"--style={style}", f"--model={kind}", f"--out={out}", "--workers=2"], check=True)
             name = f"label fit {kind}" + (f", text {copies} times" if copies > 1 else "")
-            figures[f"{name}, s"] = time.perf_counter() - start
-            figures[f"{name}, peak MB so far"] = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e3
+            figures |= timed_fit(name, labelled, raw * copies, style, kind, out)
             if copies == 1:
                 figures |= model_figures(kind, out, raw[0])
     return figures
+
+
+def large_run() -> dict[str, float]:
+    """A fit on generated text whose vocabulary grows as long as it goes on."""
+    with tempfile.TemporaryDirectory() as name:
+        folder, rng = Path(name), np.random.default_rng(0)
+        sentences = next(zipf_sentences(rng))[:LABELLED]
+        tags = tuple(tuple(f"T{sum(map(ord, word)) % STATES}" for word in words) for words in sentences)
+        write_labelled(folder / "labelled.tsv", LabelledCorpus(tuple(map(tuple, sentences)), tags))
+        raw, tokens = folder / "raw.txt.gz", 0
+        with gzip.open(raw, "wt", compresslevel=1, encoding="utf-8") as file:
+            for some in zipf_sentences(rng):
+                file.writelines(f"{' '.join(words)}\n" for words in some)
+                tokens += len(some) * SENTENCE_LENGTH
+                if tokens >= LARGE_TOKENS:
+                    break
+        return timed_fit("label fit hmm, generated", folder / "labelled.tsv", [raw], "spaces", "hmm", folder / "model")
+
+
+def zipf_sentences(rng: np.random.Generator) -> Iterator[list[list[str]]]:
+    """Endless sentences of independent words; the word of rank r has a probability in proportion to (r + 20)^-1.4.
+
+    So 5.8 million tokens hold some 250,000 words and 2 million pairs of neighbours, about as many as tweets do.
+    """
+    spelled: dict[int, str] = {}
+    while True:
+        ranks = np.minimum(20.0 * rng.pareto(0.4, SENTENCES_AT_ONCE * SENTENCE_LENGTH), 1e12).astype(np.int64).tolist()
+        words = [spelled.get(rank) or spelled.setdefault(rank, spell(rank)) for rank in ranks]
+        yield [words[first : first + SENTENCE_LENGTH] for first in range(0, len(words), SENTENCE_LENGTH)]
+
+
+def spell(rank: int) -> str:
+    """A pronounceable word of its own for each rank."""
+    rest, last = divmod(rank, len(SYLLABLES))
+    return (spell(rest - 1) if rest else "") + SYLLABLES[last]
+
+
+def write_labelled(path: Path, corpus: LabelledCorpus) -> None:
+    """Labelled sentences as columns."""
+    columns = zip(corpus.words, corpus.tags, strict=True)
+    pairs = ("\n".join(map("\t".join, zip(words, map(str, tags), strict=True))) for words, tags in columns)
+    path.write_text("\n\n".join(pairs) + "\n")
+
+
+def timed_fit(name: str, labelled: Path, raw: Sequence[Path], style: Style, kind: str, out: Path) -> dict[str, float]:
+    """Seconds and peak memory of `predplan label fit`."""
+    command = [sys.executable, "-m", "predplan", "label", "fit", f"--labelled={labelled}"]
+    start = time.perf_counter()
+    process = subprocess.Popen(
+        [*command, *(f"--raw={path}" for path in raw), f"--style={style}", f"--model={kind}", f"--out={out}"]
+    )
+    _, status, usage = os.wait4(process.pid, 0)
+    if status:
+        raise PredplanError(f"{name}: ended with status {status}")
+    return {
+        f"{name}, s": time.perf_counter() - start,
+        f"{name}, CPU s": usage.ru_utime + usage.ru_stime,
+        f"{name}, peak MB": usage.ru_maxrss / 1e3,
+    }
 
 
 def model_figures(kind: str, folder: Path, raw: Path) -> dict[str, float]:
@@ -149,4 +206,6 @@ def model_figures(kind: str, folder: Path, raw: Path) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    main()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--large", action="store_true", help="fit on 100 million generated tokens too")
+    main(parser.parse_args().large)

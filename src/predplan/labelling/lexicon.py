@@ -21,20 +21,23 @@ from predplan.labelling.logistic import fit_logistic
 
 Floats = NDArray[np.float64]
 LEAST_PROBABILITY = 1e-5
+WORDS_AT_ONCE = 1 << 16
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What raw text says of each word of a vocabulary: its count and measurements [V, D] that grow with confidence."""
+    """What raw text says of some words: their counts [n] and measurements [n, D] that grow with confidence."""
 
     word_ids: Mapping[str, int]
     count: NDArray[np.int64]
-    values: Floats
+    values: NDArray[np.float32]
 
-    def rows(self, words: Sequence[str]) -> Floats:
-        """Measurements [words, D]; zero for words the raw text does not have."""
+    def rows(self, words: Sequence[str], width: int | None = None) -> Floats:
+        """Measurements [words, D], or the first `width` of them; zero for words of which nothing is said."""
         ids = np.fromiter((self.word_ids.get(word, -1) for word in words), np.int64, len(words))
-        return np.where(ids[:, None] >= 0, self.values[ids], 0.0)
+        found = self.values[ids, :width].astype(np.float64)
+        found[ids < 0] = 0.0
+        return found
 
     def features(self, word: str) -> list[str]:
         """Spelling features, and how frequent the word is in the raw text on a scale of powers of two."""
@@ -58,6 +61,13 @@ class WordClassifier:
 
     def probabilities(self, words: Sequence[str], evidence: Evidence) -> Floats:
         """p(tag | word) [words, K], none below 1e-5."""
+        found = np.empty((len(words), self.spelling.shape[1]))
+        for start in range(0, len(words), WORDS_AT_ONCE):
+            some = slice(start, start + WORDS_AT_ONCE)
+            found[some] = self._some(words[some], evidence)
+        return found
+
+    def _some(self, words: Sequence[str], evidence: Evidence) -> Floats:
         scores = feature_matrix((evidence.features(word) for word in words), self.columns) @ self.spelling
         if evidence.word_ids:
             scores = scores + evidence.rows(words) @ self.evidence
@@ -123,7 +133,7 @@ class Lexicon:
         return np.fromiter((self.word_ids.get(word, -1) for word in words), np.int64, len(words))
 
 
-NO_EVIDENCE = Evidence({}, np.empty(0, np.int64), np.empty((0, 0)))
+NO_EVIDENCE = Evidence({}, np.empty(0, np.int64), np.empty((0, 0), np.float32))
 
 
 @dataclass(frozen=True)
@@ -198,5 +208,5 @@ def build_lexicon(
     count = np.array([count_of.get(word, 0) for word in words], np.int64)
     mass = np.maximum(count, 1) @ probabilities
     word_ids = {word: place for place, word in enumerate(words)}
-    contexts = evidence.rows(words)[:, : 2 * len(tags)]
+    contexts = evidence.rows(words, 2 * len(tags))
     return Lexicon(word_ids, count, probabilities, contexts, mass / mass.sum(), classifier)

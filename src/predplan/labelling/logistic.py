@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
+from threadpoolctl import threadpool_limits
 
 from predplan.errors import PredplanError
 
@@ -42,7 +43,8 @@ def fit_logistic(
         return value, np.vstack([transposed @ slope + penalty * theta, slope.sum(axis=0)]).ravel()
 
     options = {"maxiter": MOST_STEPS, "maxls": 50, "gtol": TOLERANCE, "ftol": 64 * np.finfo(np.float64).eps}
-    found = minimize(loss, np.zeros(shape).ravel(), jac=True, method="L-BFGS-B", options=options)
+    with threadpool_limits(1):  # the vectors are short: more threads made it ten times slower
+        found = minimize(loss, np.zeros(shape).ravel(), jac=True, method="L-BFGS-B", options=options)
     if not found.success:
         steepest = float(np.abs(found.jac).max())
         raise PredplanError(

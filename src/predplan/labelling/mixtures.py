@@ -13,6 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from predplan.errors import InputError, PredplanError
 from predplan.labelling.active_set import Floats, Integers, compiled, compiled_sums, descend
@@ -68,7 +69,7 @@ def fit_mixtures(
     gamma, residual = np.empty((words, len(R))), np.empty(words)
     iterations = np.empty(words, np.int64)
     columns = np.ascontiguousarray(R.T, np.float64)
-    counts = (indptr.astype(np.int64), indices.astype(np.int64), data.astype(np.float64))
+    counts = (indptr.astype(np.int64), indices.astype(np.int32, copy=False), data.astype(np.float64, copy=False))
     prior, factor = np.ascontiguousarray(alpha, np.float64), weight.astype(np.float64)
 
     def fit(first: int, last: int) -> None:
@@ -91,7 +92,7 @@ def fit_mixtures(
 @compiled
 def _fit_rows(
     indptr: Integers,
-    indices: Integers,
+    indices: NDArray[np.int32],
     data: Floats,
     columns: Floats,
     alpha: Floats,

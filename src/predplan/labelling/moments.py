@@ -57,17 +57,18 @@ def context_moments(bigrams: BigramCounts, classes: SpellingClasses, least_count
     context[:size][~common] = [number[name] for name in shared]
     context[size] = number["edge"]
     width = len(own) + len(number)
-    before = _grouped(bigrams.bigrams.T.tocsr(), context, 2 * width)
-    after = _grouped(bigrams.bigrams, context + width, 2 * width)
-    counts = sparse.csr_array((before + after)[:size])
+    before = _grouped(bigrams.bigrams.T.tocsr(), context, size, 2 * width)
+    after = _grouped(bigrams.bigrams, context + width, size, 2 * width)
+    counts = sparse.csr_array(before + after)
     names = (*own, *(f"<{name}>" for name in number))
     return ContextMoments(bigrams.vocabulary, bigrams.count, names, counts)
 
 
-def _grouped(counts: sparse.csr_array, column: NDArray[np.int32], width: int) -> sparse.csr_array:
-    """Counts with each column j moved to column[j], where those that meet are added up."""
-    moved = (counts.data.astype(np.float64), column[counts.indices], counts.indptr.copy())
-    grouped = sparse.csr_array(moved, shape=(counts.shape[0], width))
+def _grouped(counts: sparse.csr_array, column: NDArray[np.int32], rows: int, width: int) -> sparse.csr_array:
+    """The first rows of counts with each column j moved to column[j], where those that meet are added up."""
+    end = counts.indptr[rows]
+    moved = (counts.data[:end].astype(np.float64), column[counts.indices[:end]], counts.indptr[: rows + 1].copy())
+    grouped = sparse.csr_array(moved, shape=(rows, width))
     grouped.sum_duplicates()
     return grouped
 

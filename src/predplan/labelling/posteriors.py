@@ -15,6 +15,7 @@ from predplan.labelling.simplex import Solver, simplex_posteriors
 Floats = NDArray[np.float64]
 Loss = Literal["kl", "ls"]
 TOLERANCE = 1e-9
+WORDS_AT_ONCE = 1 << 16
 PROJECTION_SEED = 0
 
 
@@ -94,6 +95,28 @@ def cross_fitted_posteriors(
 
 
 def _fit(
+    moments: ContextMoments,
+    rows: NDArray[np.int64],
+    label_contexts: Floats,
+    settings: PosteriorSettings,
+    labelled: Floats | None,
+    lam: float,
+) -> ContextPosteriors:
+    """Some words at a time, since each takes copies of its contexts."""
+    starts = range(0, max(len(rows), 1), WORDS_AT_ONCE)
+    parts = [
+        _fit_some(moments, rows[start : start + WORDS_AT_ONCE], label_contexts, settings, labelled, lam)
+        for start in starts
+    ]
+    return ContextPosteriors(
+        rows,
+        np.concatenate([part.gamma for part in parts]),
+        np.concatenate([part.residual for part in parts]),
+        np.concatenate([part.log_ratio for part in parts]),
+    )
+
+
+def _fit_some(
     moments: ContextMoments,
     rows: NDArray[np.int64],
     label_contexts: Floats,

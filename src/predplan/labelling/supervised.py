@@ -25,7 +25,7 @@ from predplan.labelling.transitions import normalised
 
 Floats = NDArray[np.float64]
 LEAST_COUNT = 1e-3
-SPELLING_ALONE = Evidence({}, np.empty(0, np.int64), np.zeros((1, 0)))
+SPELLING_ALONE = Evidence({}, np.empty(0, np.int64), np.zeros((1, 0), np.float32))
 
 
 @dataclass(frozen=True)

@@ -112,9 +112,10 @@ class AnchorTagger:
         if len(tags) < 2:
             raise InputError(f"labelled data: found {len(tags)} tags, expected at least two; a tag _ is no label")
         bigrams = raw if isinstance(raw, BigramCounts) else count_text(raw, labelled.words, workers)
-        settings = self._settings()
-        logger.info("measuring the contexts of %d words", len(bigrams.vocabulary))
+        settings, raw_tokens, raw_words = self._settings(), int(bigrams.count.sum()), len(bigrams.vocabulary)
+        logger.info("measuring the contexts of %d words", raw_words)
         statistics = raw_statistics(bigrams, settings.moments, self.seed)
+        del bigrams  # the largest object of all, and not needed again
         logger.info("judging words by their contexts")
         anchors, contexts, evidence = learn_evidence(statistics, supervision, tags, settings, self.seed)
         transitions = counted_transitions(labelled, tags)
@@ -140,8 +141,8 @@ class AnchorTagger:
         data = {
             "labelled_sentences": len(labelled),
             "labelled_tokens": sum(labels.values()),
-            "raw_tokens": int(bigrams.count.sum()),
-            "raw_words": len(bigrams.vocabulary),
+            "raw_tokens": raw_tokens,
+            "raw_words": raw_words,
             "dictionary_words": len(supervision.dictionary),
         }
         words = _anchor_words(anchors, statistics, supervision, tags)

@@ -31,6 +31,7 @@ from predplan.labelling.posteriors import ContextPosteriors, PosteriorSettings, 
 from predplan.labelling.sentences import LabelledCorpus, label_counts
 
 Floats = NDArray[np.float64]
+WORDS_AT_ONCE = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -103,9 +104,13 @@ def find_anchors(
 def gather_evidence(raw: RawStatistics, contexts: ContextPosteriors) -> Evidence:
     """What contexts say of each word they judged, each measurement scaled by the confidence its count gives."""
     count = raw.moments.word_count[contexts.rows]
-    trust = confidence(count)[:, None]
-    vectors = raw.vectors(contexts.rows)
-    values = np.hstack([contexts.gamma * trust, contexts.log_ratio * (0.5 * trust), vectors * trust])
+    trust, states = confidence(count)[:, None], contexts.gamma.shape[1]
+    values = np.empty((len(count), 2 * states + raw.projection.shape[1]), np.float32)
+    values[:, :states] = contexts.gamma * trust
+    values[:, states : 2 * states] = contexts.log_ratio * (0.5 * trust)
+    for start in range(0, len(count), WORDS_AT_ONCE):
+        some = slice(start, start + WORDS_AT_ONCE)
+        values[some, 2 * states :] = raw.vectors(contexts.rows[some]) * trust[some]
     word_ids = {raw.moments.vocabulary[row]: place for place, row in enumerate(contexts.rows.tolist())}
     return Evidence(word_ids, count, values)
 
@@ -188,7 +193,7 @@ def train_chain_model(
         words = list(dict.fromkeys(word for sentence in inside for word in corpus.words[sentence]))
         classifier = fit_supervised(others, evidence, tags, settings.lexicon)
         posterior = judge(words, classifier, others, evidence, tags, settings.lexicon)
-        contexts = evidence.rows(words)[:, : 2 * len(tags)]
+        contexts = evidence.rows(words, 2 * len(tags))
         description = dict(zip(words, describe(words, posterior, contexts, tags, clusters), strict=True))
         for sentence in inside:
             described[sentence] = [description[word] for word in corpus.words[sentence]]
