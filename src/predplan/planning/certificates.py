@@ -1,11 +1,11 @@
 """A proof that a whole path, not a sample of it, is free of collision and within joint limits.
 
-By bisection. Over a piece of path each joint stays within Δ_j of the middle's value: the farthest Bernstein coefficient,
-which bounds the polynomial. Turned one after the other from the outermost joint inwards, each joint swings a body sphere
-around its axis, where the middle's kinematics put it, by at most Δⱼ times the sphere's distance from the axis: its
-distance in the middle and what the joints farther out have moved it. So a sphere whose clearance in the middle is larger
-than the sum is free over the whole piece. Spheres that are free are dropped, the
-piece is halved for the others. What is proved does not depend on how the path is sampled or timed.
+By bisection. Over a piece of path each joint stays within Δⱼ of the middle's value: the farthest Bernstein
+coefficient, which bounds the polynomial. Turned one after the other from the outermost joint inwards, each joint swings
+a body sphere around its axis, where the middle's kinematics put it, by at most Δⱼ times the sphere's distance from the
+axis: its distance in the middle and what the joints farther out have moved it. So a sphere whose clearance in the middle
+is larger than the sum is free over the whole piece. Spheres that are free are dropped, the piece is halved for the
+others. What is proved does not depend on how the path is sampled or timed.
 """
 
 from dataclasses import dataclass
@@ -97,7 +97,7 @@ def prove(chain: Chain, obstacles: Obstacles, breaks: FloatArray, coefficients: 
             looked += 1
             s = left[top] + 0.5 * width[top]
             points[:] = controls[top]
-            # De Casteljau at one half: rows of `points` shrink to the middle; the halves' coefficients are the hull's sides.
+            # De Casteljau at one half: `points` shrink to the middle; the halves' coefficients are the sides left behind.
             first_half, second_half = np.empty((order, joints)), np.empty((order, joints))
             for level in range(order):
                 first_half[level] = points[0]

@@ -70,7 +70,7 @@ class Laplacian:
 
 @dataclass(frozen=True)
 class BSpline:
-    """k(s, t) = B_degree((s - t) / spacing), the central B-spline of odd degree: its transform, sincᵈ⁺¹, is never negative."""
+    """k(s, t) = B_degree((s - t) / spacing), the central B-spline of odd degree, whose transform is never negative."""
 
     spacing: float
     degree: int = 3

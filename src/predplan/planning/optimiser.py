@@ -18,8 +18,8 @@ from predplan.planning.scenes import Obstacles
 from predplan.planning.trajectories import functional_gram
 
 MAXIMUM_POINT, MAXIMUM_BODY, INTEGRAL, PATH_INTEGRAL = range(4)
-"""How costs over time and body become one number (§4.6): the worst (time, body point) of each section, the body's sum at
-the worst time of each section, Gauss-Legendre's integral over time, the same weighted by ‖ξ̇‖ (Eq. 4.22)."""
+"""How costs over time and body become one number (§4.6): the worst (time, body point) of each section, the body's sum
+at the worst time of each section, Gauss-Legendre's integral over time, the same weighted by ‖ξ̇‖ (Eq. 4.22)."""
 
 
 class Space(NamedTuple):

@@ -41,7 +41,7 @@ class Path:
 
 
 def quintic(breaks: FloatArray, position: FloatArray, velocity: FloatArray, acceleration: FloatArray) -> Path:
-    """The C² path with the given values, first and second derivatives by s at the knots. breaks [P + 1], others [P + 1, D]."""
+    """The C² path with given values, first and second derivatives by s at the knots. breaks [P + 1], others [P + 1, D]."""
     step = np.diff(breaks)[:, None]
     left, right = position[:-1], position[1:]
     coefficients = np.stack(
@@ -59,7 +59,7 @@ def quintic(breaks: FloatArray, position: FloatArray, velocity: FloatArray, acce
 
 
 def polyline(points: FloatArray) -> Path:
-    """Straight segments between points [n, D], n >= 2, at equal speed in the largest norm of configuration space (2-norm)."""
+    """Straight segments between points [n, D], n >= 2, at one speed (2-norm of configuration space)."""
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
     kept = np.concatenate([[True], lengths > 0.0])
     points = points[kept]

@@ -26,12 +26,12 @@ from predplan.planning.timing import Timing, parametrise, trajectory
 
 Method = Literal["cascade", "kernel", "sampled"]
 METHODS: tuple[Method, ...] = get_args(Method)
-"""cascade: kernel starts, then sampled ones; kernel: draws from the kernel's process alone; sampled: RRT-Connect's alone."""
+"""cascade: kernel starts, then sampled ones; kernel: the line and draws from the kernel's process; sampled: RRT-Connect."""
 
 
 @dataclass(frozen=True)
 class PlannerSettings:
-    """What the planner does; the defaults were chosen on the given seventy problems' scenes (see reports/planning.md)."""
+    """What the planner does; the defaults were chosen on seventy problems of MotionBenchMaker (reports/planning.md)."""
 
     samples: int = 20  # inner times at which a descent looks at the arm
     knots: int = 24  # pieces of the path that is certified and returned
@@ -174,7 +174,7 @@ class Tried(NamedTuple):
 
 
 class Planner:
-    """Plans for one robot; made once, used for many scenes. Compiled code is loaded, or compiled and kept, when made."""
+    """Plans for one robot; made once, used for many scenes."""
 
     def __init__(self, robot: Robot, settings: PlannerSettings | None = None) -> None:
         self.robot = robot
@@ -313,7 +313,7 @@ class Planner:
         return Tried(None, verdict, basis, coefficients, "the proof failed", iterations)
 
     def _smoother(self, scene: Scene, tried: Tried, start: FloatArray, goal: FloatArray) -> Tried:
-        """A certified path made smoother: seen through the wide kernel, then drawn towards the line, while it is free."""
+        """A certified path made smoother, while it stays free: through a wider kernel, then drawn towards the line."""
         if tried.basis is self._narrow:
             values = self._narrow.space.gram @ tried.coefficients
             for basis in (self._wide, self._middle):

@@ -5,6 +5,7 @@ proved of the path holds for the trajectory.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -65,8 +66,7 @@ def parametrise(path: Path, velocity_limit: FloatArray, acceleration_limit: Floa
         return Timing(np.zeros(1), np.zeros(1), np.zeros(1))
     corners = path.breaks if path.degree == 1 else path.breaks[[0, -1]]
     timings = [
-        _between_stops(path, first, last, velocity_limit, acceleration_limit)
-        for first, last in zip(corners[:-1], corners[1:], strict=True)
+        _between_stops(path, first, last, velocity_limit, acceleration_limit) for first, last in pairwise(corners)
     ]
     starts = np.cumsum([0.0, *(timing.duration for timing in timings[:-1])])
     return Timing(

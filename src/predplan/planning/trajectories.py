@@ -107,7 +107,7 @@ def compress(trajectory: Trajectory, tolerance: float) -> Compressed:
     """The fewest support points, chosen greedily, that keep every joint within `tolerance` (rad or m) at all times.
 
     Points are taken in the order of a pivoted Cholesky factorisation weighted by the residual; f is projected
-    orthogonally onto their span. The bound is the reproducing property: |g_d(t)| = |⟨g, K(., t) e_d⟩| ≤ ‖g‖ √(k(t,t) B_dd).
+    orthogonally onto their span. The bound is the reproducing property: |g_d(t)| ≤ ‖g‖ √(k(t, t) B_dd).
     """
     gram = support_gram(trajectory)
     height = _largest_representer(trajectory)
