@@ -3,9 +3,9 @@
 By bisection. Over a piece of path each joint stays within Δⱼ of the middle's value: the farthest Bernstein
 coefficient, which bounds the polynomial. Turned one after the other from the outermost joint inwards, each joint swings
 a body sphere around its axis, where the middle's kinematics put it, by at most Δⱼ times the sphere's distance from the
-axis: its distance in the middle and what the joints farther out have moved it. So a sphere whose clearance in the middle
-is larger than the sum is free over the whole piece. Spheres that are free are dropped, the piece is halved for the
-others. What is proved does not depend on how the path is sampled or timed.
+axis: its distance in the middle and what the joints farther out have moved it. So a sphere whose clearance in the
+middle is larger than the sum is free over the whole piece. Spheres that are free are dropped, the piece is halved for
+the others. What is proved does not depend on how the path is sampled or timed.
 """
 
 from dataclasses import dataclass
@@ -24,6 +24,8 @@ from predplan.planning.scenes import Obstacles, Scene
 FREE, COLLISION, SELF_COLLISION, LIMIT, UNDECIDED = range(5)
 DEEPEST = 30
 """Halvings of a piece; a path that still touches within the margin after them is called undecided, never free."""
+MOST = 1_000_000
+"""Configurations looked at before a path is called undecided."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,8 @@ class Verdict(NamedTuple):
 
 def certify(robot: Robot, scene: Scene, path: Path, margin: float = 0.0) -> Certificate:
     """Prove that the path keeps `margin` (m) and the joint limits, or say where it does not."""
-    return stated(robot, scene, prove(robot.chain, scene.obstacles, path.breaks, path.coefficients, margin), margin)
+    verdict = prove(robot.chain, scene.obstacles, path.breaks, path.coefficients, margin, MOST)
+    return stated(robot, scene, verdict, margin)
 
 
 def stated(robot: Robot, scene: Scene, verdict: Verdict, margin: float) -> Certificate:
@@ -73,7 +76,9 @@ def _reason(robot: Robot, scene: Scene, verdict: Verdict) -> str:
 
 
 @njit(cache=True, error_model="numpy")
-def prove(chain: Chain, obstacles: Obstacles, breaks: FloatArray, coefficients: FloatArray, margin: float) -> Verdict:
+def prove(
+    chain: Chain, obstacles: Obstacles, breaks: FloatArray, coefficients: FloatArray, margin: float, most: int
+) -> Verdict:
     """Bisect every piece of the path until each sphere and link pair is proved free, or a fault is found."""
     pieces, order, joints = coefficients.shape
     spheres, pairs = len(chain.sphere_radius), len(chain.link_pairs)
@@ -97,7 +102,7 @@ def prove(chain: Chain, obstacles: Obstacles, breaks: FloatArray, coefficients: 
             looked += 1
             s = left[top] + 0.5 * width[top]
             points[:] = controls[top]
-            # De Casteljau at one half: `points` shrink to the middle; the halves' coefficients are the sides left behind.
+            # De Casteljau at one half: `points` shrink to the middle, the halves' coefficients are the sides.
             first_half, second_half = np.empty((order, joints)), np.empty((order, joints))
             for level in range(order):
                 first_half[level] = points[0]
@@ -167,7 +172,7 @@ def prove(chain: Chain, obstacles: Obstacles, breaks: FloatArray, coefficients: 
             if remaining + remaining_pairs == 0 and not undecided:
                 top -= 1
                 continue
-            if width[top] * 2.0**DEEPEST <= breaks[piece + 1] - breaks[piece]:
+            if looked >= most or width[top] * 2.0**DEEPEST <= breaks[piece + 1] - breaks[piece]:
                 return Verdict(UNDECIDED, s, -1, -1, near, looked)
             half = 0.5 * width[top]
             start = left[top]

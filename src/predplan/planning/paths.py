@@ -41,7 +41,7 @@ class Path:
 
 
 def quintic(breaks: FloatArray, position: FloatArray, velocity: FloatArray, acceleration: FloatArray) -> Path:
-    """The C² path with given values, first and second derivatives by s at the knots. breaks [P + 1], others [P + 1, D]."""
+    """The C² path with given values and derivatives by s at the knots. breaks [P + 1], others [P + 1, D]."""
     step = np.diff(breaks)[:, None]
     left, right = position[:-1], position[1:]
     coefficients = np.stack(

@@ -26,7 +26,7 @@ from predplan.planning.timing import Timing, parametrise, trajectory
 
 Method = Literal["cascade", "kernel", "sampled"]
 METHODS: tuple[Method, ...] = get_args(Method)
-"""cascade: kernel starts, then sampled ones; kernel: the line and draws from the kernel's process; sampled: RRT-Connect."""
+"""kernel: starts are the line and draws from the kernel's process; sampled: RRT-Connect's; cascade: both in turn."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,7 @@ class PlannerSettings:
     resolution: float = 0.08  # rad: between configurations it looks at
     search_iterations: int = 2000
     shortcuts: int = 10
+    proof: int = 2000  # configurations looked at before a proof is given up
     contractions: int = 3  # halvings of the interval in which the smallest free multiple of f is sought
 
 
@@ -341,7 +342,9 @@ class Planner:
         return quintic(breaks, position, velocity + span, acceleration)
 
     def _prove(self, scene: Scene, path: Path) -> Verdict:
-        verdict: Verdict = prove(self.robot.chain, scene.obstacles, path.breaks, path.coefficients, 0.0)
+        verdict: Verdict = prove(
+            self.robot.chain, scene.obstacles, path.breaks, path.coefficients, 0.0, self.settings.proof
+        )
         return verdict
 
     def _configuration(self, scene: Scene, name: str, q: FloatArray) -> FloatArray:
