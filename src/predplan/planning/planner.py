@@ -55,7 +55,7 @@ class PlannerSettings:
     reach: float = 1.5  # rad: longest motion RRT-Connect adds
     resolution: float = 0.08  # rad: between configurations it looks at
     search_iterations: int = 2000
-    shortcuts: int = 10
+    shortcuts: int = 25
     proof: int = 2000  # configurations looked at before a proof is given up
     contractions: int = 3  # halvings of the interval in which the smallest free multiple of f is sought
 
