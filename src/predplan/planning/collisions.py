@@ -1,6 +1,7 @@
 """What a configuration touches: validity, clearances and the workspace cost with its gradient; compiled.
 
 Everything is culled by spheres: a link's holding sphere is tried first, its body spheres only where that is near.
+Links before chain.scene_link are tried against other links, not against the scene.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ def valid(chain: Chain, obstacles: Obstacles, q: FloatArray, margin: float) -> b
         f = chain.link_frame[link]
         x, y, z = to_world(rotations, positions, f, chain.link_centre, link)
         link_centres[link, 0], link_centres[link, 1], link_centres[link, 2] = x, y, z
-        near = anything_within(obstacles, x, y, z, chain.link_radius[link] + margin)
+        near = link >= chain.scene_link and anything_within(obstacles, x, y, z, chain.link_radius[link] + margin)
         for s in range(chain.link_first[link], chain.link_first[link + 1]):
             x, y, z = to_world(rotations, positions, f, chain.sphere_centre, s)
             centres[s, 0], centres[s, 1], centres[s, 2] = x, y, z
@@ -58,7 +59,9 @@ def clearances(
 ) -> None:
     """Signed clearances (m) at q [D], none above `ceiling`: fills sphere_clearance [S] and pair_clearance [P]."""
     centres, link_centres, _, _ = _placed(chain, q)
-    for s in range(centres.shape[0]):
+    first = chain.link_first[chain.scene_link]
+    sphere_clearance[:first] = ceiling
+    for s in range(first, centres.shape[0]):
         radius = chain.sphere_radius[s]
         sphere_clearance[s] = (
             nearest(obstacles, centres[s, 0], centres[s, 1], centres[s, 2], ceiling + radius)[0] - radius
@@ -91,7 +94,7 @@ def body_cost(
     centres, link_centres, rotations, positions = _placed(chain, q)
     wrench = np.zeros((rotations.shape[0], 6))
     cost, least = 0.0, np.inf
-    for link in range(chain.link_frame.shape[0]):
+    for link in range(chain.scene_link, chain.link_frame.shape[0]):
         f = chain.link_frame[link]
         x, y, z = link_centres[link, 0], link_centres[link, 1], link_centres[link, 2]
         if not anything_within(obstacles, x, y, z, chain.link_radius[link] + epsilon):
@@ -132,7 +135,7 @@ def worst_cost(
     centres, link_centres, rotations, positions = _placed(chain, q)
     wrench = np.zeros((rotations.shape[0], 6))
     least, worst, wx, wy, wz = epsilon, -1, 0.0, 0.0, 0.0
-    for link in range(chain.link_frame.shape[0]):
+    for link in range(chain.scene_link, chain.link_frame.shape[0]):
         x, y, z = link_centres[link, 0], link_centres[link, 1], link_centres[link, 2]
         if not anything_within(obstacles, x, y, z, chain.link_radius[link] + least):
             continue
@@ -165,7 +168,9 @@ def worst_cost(
 def point_costs(chain: Chain, obstacles: Obstacles, q: FloatArray, epsilon: float, costs: FloatArray) -> None:
     """Workspace cost of each body sphere at q [D]: fills costs [S]."""
     centres, _, _, _ = _placed(chain, q)
-    for s in range(centres.shape[0]):
+    first = chain.link_first[chain.scene_link]
+    costs[:first] = 0.0
+    for s in range(first, centres.shape[0]):
         radius = chain.sphere_radius[s]
         distance = nearest(obstacles, centres[s, 0], centres[s, 1], centres[s, 2], radius + epsilon)[0]
         costs[s] = workspace_cost(distance - radius, epsilon)[0]
@@ -203,7 +208,8 @@ def nearest_names(robot: Robot, scene: Scene, q: FloatArray) -> list[tuple[str, 
     centres = np.empty_like(chain.sphere_centre)
     forward(chain, q, rotations, positions, centres)
     depths: dict[tuple[str, str], float] = {}
-    for s, (x, y, z) in enumerate(centres):
+    for s in range(chain.link_first[chain.scene_link], len(centres)):
+        x, y, z = centres[s]
         radius = float(chain.sphere_radius[s])
         distance, _, _, _, obstacle = nearest(scene.obstacles, x, y, z, radius)
         if obstacle >= 0:
@@ -222,7 +228,8 @@ def nearest_names(robot: Robot, scene: Scene, q: FloatArray) -> list[tuple[str, 
 def _placed(chain: Chain, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Centres [S, 3], link centres [L, 3], rotations [D + 1, 3, 3] and positions [D + 1, 3] in the world at q."""
     rotations, positions = np.empty((q.shape[0] + 1, 3, 3)), np.empty((q.shape[0] + 1, 3))
-    centres, link_centres = np.empty(chain.sphere_centre.shape), np.empty(chain.link_centre.shape)
+    centres = np.empty((chain.sphere_radius.shape[0], 3))
+    link_centres = np.empty((chain.link_frame.shape[0], 3))
     forward(chain, q, rotations, positions, centres)
     for link in range(link_centres.shape[0]):
         x, y, z = to_world(rotations, positions, chain.link_frame[link], chain.link_centre, link)
@@ -266,4 +273,4 @@ def _sweep(
 @njit(cache=True, nogil=True, error_model="numpy")
 def _squared(a: FloatArray, i: int, b: FloatArray, k: int) -> float:
     x, y, z = a[i, 0] - b[k, 0], a[i, 1] - b[k, 1], a[i, 2] - b[k, 2]
-    return x * x + y * y + z * z
+    return float(x * x + y * y + z * z)

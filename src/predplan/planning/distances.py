@@ -16,12 +16,9 @@ Signed = tuple[float, float, float, float]  # m, and the unit vector along which
 @njit(cache=True, nogil=True, error_model="numpy")
 def count(obstacles: Obstacles) -> int:
     """How many obstacles there are: boxes, capsules, cylinders, hulls."""
-    return (
-        obstacles.box_centre.shape[0]
-        + obstacles.capsule_radius.shape[0]
-        + obstacles.cylinder_radius.shape[0]
-        + obstacles.hull_radius.shape[0]
-    )
+    boxes, capsules = obstacles.box_centre.shape[0], obstacles.capsule_radius.shape[0]
+    cylinders, hulls = obstacles.cylinder_radius.shape[0], obstacles.hull_radius.shape[0]
+    return int(boxes + capsules + cylinders + hulls)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -91,7 +88,7 @@ def box_beyond(obstacles: Obstacles, i: int, x: float, y: float, z: float, reach
     u = max(abs(u) - obstacles.box_half[i, 0], 0.0)
     v = max(abs(v) - obstacles.box_half[i, 1], 0.0)
     w = max(abs(w) - obstacles.box_half[i, 2], 0.0)
-    return u * u + v * v + w * w >= reach * reach
+    return bool(u * u + v * v + w * w >= reach * reach)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -137,7 +134,7 @@ def capsule_beyond(obstacles: Obstacles, i: int, x: float, y: float, z: float, r
     """Whether capsule i is at least `reach` away."""
     ox, oy, oz = capsule_offset(obstacles, i, x, y, z)
     full = reach + obstacles.capsule_radius[i]
-    return full <= 0.0 or ox * ox + oy * oy + oz * oz >= full * full
+    return bool(full <= 0.0 or ox * ox + oy * oy + oz * oz >= full * full)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -12,7 +12,10 @@ from predplan.planning.robots import Chain, FloatArray
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def forward(chain: Chain, q: FloatArray, rotations: FloatArray, positions: FloatArray, centres: FloatArray) -> None:
-    """Frames and spheres in the world at q [D]: fills rotations [D + 1, 3, 3], positions [D + 1, 3] and centres [S, 3] m."""
+    """Frames and spheres in the world at q [D].
+
+    Fills rotations [D + 1, 3, 3], positions [D + 1, 3] m and centres [S, 3] m.
+    """
     frames(chain, q, rotations, positions)
     for s in range(chain.sphere_frame.shape[0]):
         x, y, z = to_world(rotations, positions, chain.sphere_frame[s], chain.sphere_centre, s)

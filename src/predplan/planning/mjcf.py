@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-import mujoco
+import mujoco  # type: ignore[import-untyped]
 import numpy as np
 
 from predplan.errors import InputError
@@ -116,7 +115,9 @@ def _tree(model: Any, root: int, path: Path | str) -> RobotTree:
             if model.site_bodyid[site] == body and model.site(site).name:
                 at_site = Pose(from_quaternion(*model.site_quat[site]), model.site_pos[site].copy())
                 nodes.append(Node(model.site(site).name, number[body], at_site))
-    return RobotTree(Path(path).stem, tuple(nodes), str(path), _allowed(model, list(number)))
+    allowed = _allowed(model, list(number))
+    # Like MuJoCo, which never lets what stands still collide with what stands still.
+    return RobotTree(Path(path).stem, tuple(nodes), str(path), allowed, stands=True)
 
 
 def _joint(model: Any, j: int, mimics: Mapping[int, tuple[str, float, float]]) -> TreeJoint:
@@ -146,7 +147,11 @@ def _mimics(model: Any) -> dict[int, tuple[str, float, float]]:
         first = int(model.eq_obj1id[e])
         rest, other = (float(model.qpos0[model.jnt_qposadr[j]]) for j in (first, second))
         slope = float(coefficients[1])
-        tied[first] = (model.joint(second).name or f"joint{second}", slope, rest + float(coefficients[0]) - slope * other)
+        tied[first] = (
+            model.joint(second).name or f"joint{second}",
+            slope,
+            rest + float(coefficients[0]) - slope * other,
+        )
     return tied
 
 
@@ -208,8 +213,10 @@ def _shape(model: Any, geom: int, name: str, path: Path | str) -> Shape:
         mesh = int(model.geom_dataid[geom])
         first = int(model.mesh_vertadr[mesh])
         vertices = model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])].astype(np.float64)
-        return replace(Mesh(vertices, name), vertices=_corners(vertices, f"{path}: {name}"))
-    raise InputError(f"{path}: {name} is a {kind.name}; expected box, sphere, capsule, cylinder, ellipsoid, mesh, plane")
+        return Mesh(_corners(vertices, f"{path}: {name}"), name)
+    raise InputError(
+        f"{path}: {name} is a {kind.name}; expected box, sphere, capsule, cylinder, ellipsoid, mesh, plane"
+    )
 
 
 def _corners(vertices: FloatArray, name: str) -> FloatArray:

@@ -11,7 +11,7 @@ from predplan.planning.robot_trees import build_robot, main_chain
 from predplan.planning.robots import Robot
 from predplan.planning.urdf import find_srdf, parse_xml, read_srdf, read_urdf
 
-SPHERE_TOLERANCE = 0.02
+SPHERE_TOLERANCE = 0.025
 """m: how far fitted spheres may reach outside the collision geometry."""
 
 

@@ -61,6 +61,7 @@ class RobotTree:
     complete: `allowed` is the whole list, so that beside it only links with a joint between them are left out;
     otherwise links of two rigid groups that share a joint are left out, and links that always touch: at the centre of
     the joints' ranges and at 95% of 1000 configurations drawn evenly.
+    stands: links rigid with the world were modelled in the scene and are not tried against it.
     """
 
     name: str
@@ -68,6 +69,7 @@ class RobotTree:
     source: str
     allowed: frozenset[frozenset[str]] = frozenset()
     complete: bool = False
+    stands: bool = False
 
 
 class Held(NamedTuple):
@@ -112,7 +114,7 @@ def build_robot(
         if links[a].frame != links[b].frame and _may_collide(tree, order[a], order[b])
     ]
     target = _tool(tree, places, tool, len(planned))
-    chain = make_chain(mounts, links, pairs, (places[target].frame, places[target].pose.translation))
+    chain = make_chain(mounts, links, pairs, (places[target].frame, places[target].pose.translation), tree.stands)
     velocities = np.array([movable[name].velocity for name in planned])
     robot = Robot(
         name=tree.name,

@@ -49,6 +49,7 @@ class Chain(NamedTuple):
     )
     tool_frame: int
     tool_position: FloatArray  # [3] m, in that frame
+    scene_link: int  # links from this one on must not touch the scene; those before it stand in it and do not move
 
 
 @dataclass(frozen=True)
@@ -96,8 +97,13 @@ def make_chain(
     links: Sequence[Link],
     pairs: Sequence[tuple[int, int]],
     tool: tuple[int, FloatArray] | None = None,
+    stands: bool = False,
 ) -> Chain:
-    """A chain of mounts and of links sorted by frame; `pairs` index the links; the tool is the last frame's origin."""
+    """A chain of mounts and of links sorted by frame.
+
+    pairs: of numbers of links; tool: its frame and place there, by default the last frame's origin; stands: whether
+    links of frame 0 are part of the scene and not tried against it.
+    """
     joints, spheres = len(mounts), sum(len(link.radii) for link in links)
     moves = np.zeros((joints + 1, joints), np.bool_)
     for j, mount in enumerate(mounts):
@@ -128,12 +134,13 @@ def make_chain(
         lever=np.zeros((spheres, joints)),
         tool_frame=int(tool_frame),
         tool_position=_floats(tool_position),
+        scene_link=int(np.count_nonzero(link_frame == 0)) if stands else 0,
     )
     return chain._replace(lever=lever_bounds(chain))
 
 
 def lever_bounds(chain: Chain) -> FloatArray:
-    """Bounds [S, D], over all configurations within limits, of how far a sphere's centre moves by a joint's unit motion.
+    """Bounds [S, D], over all configurations within limits, of a sphere centre's motion by unit motion of a joint.
 
     That is its distance from the joint's axis for a revolute joint, 1 for a prismatic one, 0 where the joint does not
     move the sphere. From the sphere inwards, a ball is kept that holds every place the centre can take in the frame
@@ -207,10 +214,10 @@ def planar_arm(
 
 
 def point_robot(radius: float, lower: ArrayLike = 0.0, upper: ArrayLike = 1.0) -> Robot:
-    """A disc of `radius` (m) in the plane z = 0 that slides along x and y between `lower` and `upper` (m, one or two)."""
+    """A disc of `radius` (m) in the plane z = 0: it slides along x and y from `lower` to `upper` (m, one or two)."""
     low, high = (np.broadcast_to(np.asarray(end, dtype=np.float64), (2,)) for end in (lower, upper))
     if radius < 0 or not np.all(low < high):
-        raise InputError(f"point robot: found radius {radius}, limits {lower} to {upper}; expected limits that rise")
+        raise InputError(f"point robot: found radius {radius}, limits {low} to {high}; expected limits that rise")
     mounts = [Mount(j, np.eye(3), np.zeros(3), np.eye(3)[j], True, float(low[j]), float(high[j])) for j in range(2)]
     links = [Link("point", 2, np.zeros((1, 3)), np.array([float(radius)]))]
     return _made("point_robot", ("x", "y"), links, make_chain(mounts, links, []))

@@ -67,7 +67,7 @@ class Mesh:
 
 
 Shape = Box | Sphere | Capsule | Cylinder | Mesh
-AnyShape = TypeVar("AnyShape", Box, Sphere, Capsule, Cylinder, Mesh)
+AnyShape = TypeVar("AnyShape", bound=Box | Sphere | Capsule | Cylinder | Mesh)
 
 
 class Obstacles(NamedTuple):
@@ -108,12 +108,13 @@ def make_scene(shapes: Sequence[Shape], name: str = "scene", source: str = "") -
     are not, and a mesh without volume.
     """
     named = [shape if shape.name else replace(shape, name=f"{_kind(shape)}{i}") for i, shape in enumerate(shapes)]
-    boxes = [_checked(shape) for shape in named if isinstance(shape, Box)]
-    capsules = [_checked(shape) for shape in named if isinstance(shape, Capsule | Sphere)]
-    cylinders = [_checked(shape) for shape in named if isinstance(shape, Cylinder)]
-    meshes = [_checked(shape) for shape in named if isinstance(shape, Mesh)]
+    file = f"{source}: " if source else ""
+    boxes = [_checked(shape, file) for shape in named if isinstance(shape, Box)]
+    capsules = [_checked(shape, file) for shape in named if isinstance(shape, Capsule | Sphere)]
+    cylinders = [_checked(shape, file) for shape in named if isinstance(shape, Cylinder)]
+    meshes = [_checked(shape, file) for shape in named if isinstance(shape, Mesh)]
     ends = [(shape.centre, shape.centre) if isinstance(shape, Sphere) else (shape.a, shape.b) for shape in capsules]
-    hulls = [convex_hull(mesh.vertices, mesh.name) for mesh in meshes]
+    hulls = [convex_hull(mesh.vertices, file + mesh.name) for mesh in meshes]
     spheres = [_holding_sphere(hull) for hull in hulls]
     obstacles = Obstacles(
         box_rotation=_array([box.rotation for box in boxes], 3, 3),
@@ -169,7 +170,8 @@ def moved(shape: AnyShape, rotation: FloatArray, translation: FloatArray) -> Any
     return replace(shape, centre=centre, rotation=rotation @ np.asarray(shape.rotation, dtype=np.float64))
 
 
-def _checked(shape: AnyShape) -> AnyShape:
+def _checked(shape: AnyShape, file: str) -> AnyShape:
+    where = file + shape.name
     expected = {"centre": (3,), "a": (3,), "b": (3,), "rotation": (3, 3), "radius": ()}
     expected["half"] = (3,) if isinstance(shape, Box) else ()
     for key, value in vars(shape).items():
@@ -178,15 +180,15 @@ def _checked(shape: AnyShape) -> AnyShape:
         array = np.asarray(value, dtype=np.float64)
         if key == "vertices":
             if array.ndim != 2 or array.shape[1] != 3:
-                raise InputError(f"{shape.name}: vertices have shape {array.shape}; expected [n, 3]")
+                raise InputError(f"{where}: vertices have shape {array.shape}; expected [n, 3]")
         elif array.shape != expected[key]:
-            raise InputError(f"{shape.name}: {key} has shape {array.shape}; expected {expected[key]}")
+            raise InputError(f"{where}: {key} has shape {array.shape}; expected {expected[key]}")
         if not np.all(np.isfinite(array)):
-            raise InputError(f"{shape.name}: {key} is {array.tolist()}; expected finite numbers")
+            raise InputError(f"{where}: {key} is {array.tolist()}; expected finite numbers")
         if key in ("half", "radius") and np.any(array <= 0.0):
-            raise InputError(f"{shape.name}: {key} is {array.tolist()} m; expected more than zero")
+            raise InputError(f"{where}: {key} is {array.tolist()} m; expected more than zero")
         if key == "rotation" and not np.allclose(array @ array.T, np.eye(3), atol=1e-6):
-            raise InputError(f"{shape.name}: the rotation's rows are not orthonormal: {array.tolist()}")
+            raise InputError(f"{where}: the rotation's rows are not orthonormal: {array.tolist()}")
     return shape
 
 

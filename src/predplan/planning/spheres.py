@@ -14,14 +14,17 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from predplan.errors import InputError
+from predplan.planning.poses import along
 from predplan.planning.robots import BoolArray, FloatArray
 from predplan.planning.scenes import Box, Capsule, Cylinder, Mesh, Shape, Sphere, convex_hull
 
+CORNERS = 6
+"""Of a prism."""
 SIDES = 24
 """Of the prism around a cylinder."""
 MOST_CANDIDATES = 2500
-COARSEST = 2.0
-"""Largest edge of a piece in tolerances: smaller pieces cost time, larger ones spheres."""
+COARSEST = 1.0
+"""Largest edge of a piece, in radii of a sphere about its middle: smaller pieces cost time, larger ones spheres."""
 ROUNDING = 1e-9
 """m, added to radii."""
 
@@ -52,9 +55,7 @@ def fit_spheres(shapes: Sequence[Shape], tolerance: float, name: str) -> Spheres
         balls = [shape for shape in shapes if isinstance(shape, Sphere)]
         centres = np.array([ball.centre for ball in balls], dtype=np.float64).reshape(-1, 3)
         return Spheres(centres, np.array([ball.radius for ball in balls], dtype=np.float64), 0.0)
-    cut = [_pieces(shape, name) for shape in shapes]
-    pieces = Pieces(np.concatenate([c.corners for c in cut]), np.concatenate([c.radii for c in cut]))
-    pieces, candidates = _refine(shapes, pieces, tolerance)
+    pieces, candidates = _refine(shapes, _joined([_pieces(shape, name) for shape in shapes]), tolerance)
     limits = _depth(shapes, candidates) + tolerance
     centres, radii = _choose(candidates, limits, pieces)
     return Spheres(centres, radii, max(float(np.max(radii - _depth(shapes, centres))), 0.0))
@@ -65,23 +66,23 @@ def _refine(shapes: Sequence[Shape], pieces: Pieces, tolerance: float) -> tuple[
     candidates = [_grid(shapes, pieces, tolerance)]
     done: list[Pieces] = []
     while len(pieces.radii):
-        large = _edges(pieces).max(axis=1) > COARSEST * tolerance
-        covered = ~large
-        covered[~large] = _covers(
-            candidates[0], _depth(shapes, candidates[0]) + tolerance, _of(pieces, ~large)
-        ).any(axis=0)
         middles = pieces.corners.mean(axis=1)
+        depth = np.maximum(_depth(shapes, middles), 0.0)
+        large = _edges(pieces).max(axis=1) > COARSEST * (tolerance + depth)
+        covered = ~large
+        covered[~large] = _covers(candidates[0], _depth(shapes, candidates[0]) + tolerance, _of(pieces, ~large)).any(
+            axis=0
+        )
         own = np.linalg.norm(pieces.corners - middles[:, None], axis=2).max(axis=1) + pieces.radii
-        alone = ~large & ~covered & (own <= _depth(shapes, middles) + tolerance)
+        alone = ~large & ~covered & (own <= depth + tolerance)
         candidates.append(middles[alone])
         done.append(_of(pieces, covered | alone))
         pieces = _halved(_of(pieces, ~(covered | alone)))
-    whole = Pieces(np.concatenate([d.corners for d in done]), np.concatenate([d.radii for d in done]))
-    return whole, np.concatenate(candidates)
+    return _joined(done), np.concatenate(candidates)
 
 
 def _choose(candidates: FloatArray, limits: FloatArray, pieces: Pieces) -> tuple[FloatArray, FloatArray]:
-    """Greedy set cover: again and again the candidate that covers most of what is left; then shrunk to what it holds."""
+    """Greedy set cover: again and again the candidate that covers most of what is left; at last shrunk to fit."""
     covers = _covers(candidates, limits, pieces)
     left = np.ones(len(pieces.radii), np.bool_)
     gains = covers.sum(axis=1)
@@ -115,7 +116,7 @@ def _covers(candidates: FloatArray, limits: FloatArray, pieces: Pieces) -> BoolA
 def _needed_radius(centres: FloatArray, pieces: Pieces) -> FloatArray:
     """The radius [c, n] (m) that a sphere at each centre needs to cover each piece."""
     needed = np.zeros((len(centres), len(pieces.radii)))
-    for corner in range(pieces.corners.shape[1]):
+    for corner in range(CORNERS):
         np.maximum(needed, cdist(centres, pieces.corners[:, corner]), out=needed)
     return np.asarray(needed + pieces.radii)
 
@@ -132,7 +133,7 @@ def _grid(shapes: Sequence[Shape], pieces: Pieces, tolerance: float) -> FloatArr
 
 
 def _depth(shapes: Sequence[Shape], points: FloatArray) -> FloatArray:
-    """How deep points are inside the shapes (m) [n]: a ball of that radius lies within one of them. Negative outside."""
+    """How deep points are in the shapes (m) [n]: a ball of that radius lies within one of them. Negative outside."""
     return np.asarray(np.max([_depth_in(shape, points) for shape in shapes], axis=0))
 
 
@@ -149,20 +150,46 @@ def _depth_in(shape: Shape, points: FloatArray) -> FloatArray:
     seen = np.abs((points - np.asarray(shape.centre)) @ np.asarray(shape.rotation))
     if isinstance(shape, Box):
         return np.asarray(np.min(np.asarray(shape.half) - seen, axis=1))
-    return np.minimum(shape.radius - np.hypot(seen[:, 0], seen[:, 1]), shape.half - seen[:, 2])
+    return np.asarray(np.minimum(shape.radius - np.hypot(seen[:, 0], seen[:, 1]), shape.half - seen[:, 2]))
 
 
 def _pieces(shape: Shape, name: str) -> Pieces:
-    """A segment for a capsule; for a hull the prisms between its triangles and their images, half as large, in it."""
-    if isinstance(shape, Sphere | Capsule):
-        a, b = (shape.centre, shape.centre) if isinstance(shape, Sphere) else (shape.a, shape.b)
-        return Pieces(np.array([[a, a, a, b, b, b]], dtype=np.float64), np.array([float(shape.radius)]))
-    triangles = convex_hull(_corners(shape), shape.name or name).triangles
-    middle = triangles.reshape(-1, 3).mean(axis=0)
-    arms = triangles - middle
-    shells = [np.concatenate([outer * arms, inner * arms], axis=1) for outer, inner in ((1.0, 0.5), (0.5, 0.0))]
-    corners = middle + np.concatenate(shells)
+    """Prisms that make up a shape, or for a cylinder the 24-sided one around it.
+
+    A capsule is a cylinder and two balls; a mesh is cut into the prisms between its triangles and their images, half
+    as large, and those within.
+    """
+    if isinstance(shape, Sphere):
+        return Pieces(np.array([[shape.centre] * CORNERS], dtype=np.float64), np.array([float(shape.radius)]))
+    if isinstance(shape, Capsule):
+        a, b = np.asarray(shape.a, dtype=np.float64), np.asarray(shape.b, dtype=np.float64)
+        parts = [_pieces(Sphere(end, shape.radius), name) for end in (a, b)]
+        if np.any(a != b):
+            half = float(np.linalg.norm(b - a)) / 2
+            parts.append(_pieces(Cylinder((a + b) / 2, half, shape.radius, along(b - a)), name))
+        return _joined(parts)
+    if isinstance(shape, Mesh):
+        triangles = convex_hull(shape.vertices, shape.name or name).triangles
+        middle = triangles.reshape(-1, 3).mean(axis=0)
+        arms = triangles - middle
+        shells = [np.concatenate([outer * arms, inner * arms], axis=1) for outer, inner in ((1.0, 0.5), (0.5, 0.0))]
+        corners = middle + np.concatenate(shells)
+    elif isinstance(shape, Box):
+        x, y, half = np.asarray(shape.half, dtype=np.float64)
+        flat = np.array([[[-x, -y], [x, -y], [x, y]], [[-x, -y], [x, y], [-x, y]]])
+        corners = _upright(flat, float(half), shape)
+    else:
+        angles = np.arange(SIDES + 1) * 2 * np.pi / SIDES
+        ring = shape.radius / np.cos(np.pi / SIDES) * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        flat = np.stack([np.zeros((SIDES, 2)), ring[:-1], ring[1:]], axis=1)
+        corners = _upright(flat, shape.half, shape)
     return Pieces(corners, np.zeros(len(corners)))
+
+
+def _upright(flat: FloatArray, half: float, shape: Box | Cylinder) -> FloatArray:
+    """Prisms [n, 6, 3] over triangles [n, 3, 2] in the shape's x and y, from -half to half of its z."""
+    local = np.concatenate([np.insert(flat, 2, end, axis=2) for end in (-half, half)], axis=1)
+    return np.asarray(local @ np.asarray(shape.rotation).T + np.asarray(shape.centre))
 
 
 def _edges(pieces: Pieces) -> FloatArray:
@@ -185,24 +212,13 @@ def _halved(pieces: Pieces) -> Pieces:
         second[rows, :, side] = middle
     rows = longest == 3
     first[rows, 1] = second[rows, 0] = (ends[rows, 0] + ends[rows, 1]) / 2
-    corners = np.concatenate([first, second]).reshape(-1, 6, 3)
+    corners = np.concatenate([first, second]).reshape(-1, CORNERS, 3)
     return Pieces(corners, np.concatenate([pieces.radii, pieces.radii]))
+
+
+def _joined(parts: Sequence[Pieces]) -> Pieces:
+    return Pieces(np.concatenate([part.corners for part in parts]), np.concatenate([part.radii for part in parts]))
 
 
 def _of(pieces: Pieces, rows: BoolArray) -> Pieces:
     return Pieces(pieces.corners[rows], pieces.radii[rows])
-
-
-def _corners(shape: Box | Cylinder | Mesh) -> FloatArray:
-    """Points whose convex hull holds the shape: of a cylinder, the prism around it."""
-    if isinstance(shape, Mesh):
-        return np.asarray(shape.vertices, dtype=np.float64)
-    if isinstance(shape, Box):
-        signs = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), axis=-1).reshape(-1, 3)
-        local = signs * np.asarray(shape.half, dtype=np.float64)
-    else:
-        angles = np.arange(SIDES) * 2 * np.pi / SIDES
-        around = shape.radius / np.cos(np.pi / SIDES)
-        ring = np.stack([around * np.cos(angles), around * np.sin(angles)], axis=1)
-        local = np.concatenate([np.insert(ring, 2, end, axis=1) for end in (-shape.half, shape.half)])
-    return np.asarray(local @ np.asarray(shape.rotation).T + np.asarray(shape.centre))
