@@ -1,4 +1,4 @@
-"""Which page shows which artifact: a table by its name, a tagger by its header, a recording as it is."""
+"""Which page shows which artifact: a table by its name, a tagger by its header, a plan by its topics."""
 
 from __future__ import annotations
 
@@ -57,7 +57,15 @@ def record(artifact: Path, out: Path) -> None:
         with write_whole(out) as temporary:
             shutil.copyfile(artifact, temporary)
     elif artifact.suffix == ".mcap":
-        import_recording(artifact, out)
+        if _is_plan(artifact):
+            # Only plans bring the planner with them.
+            from predplan.artifacts import mcap
+            from predplan.inspection.planning import draw_plan
+
+            made = mcap.read_provenance(artifact)
+            write_recording(out, "plan", _identity(artifact), made, lambda recording: draw_plan(recording, artifact))
+        else:
+            import_recording(artifact, out)
     else:
         name, rows = _table(artifact)
         draw = DRAWN.get(name, draw_table) if rows else draw_empty
@@ -69,7 +77,7 @@ def record(artifact: Path, out: Path) -> None:
 @contextmanager
 def viewable(artifact: Path) -> Iterator[Path]:
     """A file that the viewer opens: the artifact where it is a recording, else one that lasts as long as the block."""
-    if artifact.is_file() and artifact.suffix in (".rrd", ".mcap"):
+    if artifact.is_file() and (artifact.suffix == ".rrd" or (artifact.suffix == ".mcap" and not _is_plan(artifact))):
         yield artifact
         return
     with tempfile.TemporaryDirectory() as folder:
@@ -90,6 +98,16 @@ def _table(artifact: Path) -> tuple[str, int]:
         columns = ", ".join(found.schema.to_arrow_schema().names)
         raise InputError(f"{artifact}: a foreign Parquet file with columns {columns}; expected {_KNOWN}")
     return name.decode(), found.num_rows
+
+
+def _is_plan(recording: Path) -> bool:
+    """Whether an MCAP file is a plan of ours, which has a page of its own; the viewer reads any other as it is."""
+    try:
+        from predplan.artifacts.mcap import read_topics
+
+        return {"/clearance", "/scene", "/tf"} <= read_topics(recording).keys()
+    except (InputError, ImportError):  # without the planning extra there are no plans
+        return False
 
 
 def _header(folder: Path) -> Path:

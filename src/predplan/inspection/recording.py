@@ -26,7 +26,10 @@ Layout = rrb.Container | rrb.View
 
 @dataclass(frozen=True)
 class Page:
-    """What a recording is called, what its panel says (Markdown), how its views lie, and the timeline to move along."""
+    """What a recording is called, what its panel says (Markdown), how its views lie, and the timeline to move along.
+
+    playing: the timeline is one of seconds, and runs round and round from the start.
+    """
 
     title: str
     about: str
@@ -34,6 +37,7 @@ class Page:
     side: Layout | None = None
     timeline: str | None = None
     shares: tuple[float, float] = (1.0, 2.0)
+    playing: bool = False
 
 
 Draw = Callable[[rr.RecordingStream], Page]
@@ -120,7 +124,11 @@ def _blueprint(page: Page) -> rrb.Blueprint:
     if page.side is not None:
         left = rrb.Vertical(left, page.side)
     time = rrb.TimePanel(
-        state="collapsed" if page.timeline else "hidden", timeline=page.timeline, play_state="paused", fps=1.0
+        state="collapsed" if page.timeline else "hidden",
+        timeline=page.timeline,
+        play_state="playing" if page.playing else "paused",
+        loop_mode="all" if page.playing else None,
+        fps=1.0,
     )
     return rrb.Blueprint(
         rrb.Horizontal(left, page.body, column_shares=list(page.shares)),
