@@ -21,7 +21,7 @@ from predplan.planning.optimiser import MAXIMUM_BODY, Descent, Space, cheapest, 
 from predplan.planning.paths import Path, acceleration_cost, length, quintic, velocity_cost
 from predplan.planning.robots import FloatArray, Robot
 from predplan.planning.sampling import connect, resampled, shortcut
-from predplan.planning.scenes import Scene
+from predplan.planning.scenes import Scene, make_scene
 from predplan.planning.timing import Timing, parametrise, trajectory
 
 Method = Literal["cascade", "kernel", "sampled"]
@@ -199,6 +199,19 @@ class Planner:
             margin=settings.margin,
         )
 
+        self._load()
+
+    def _load(self) -> None:
+        """Load compiled code, or compile and keep it, before a budget counts: all of it once in an empty scene."""
+        chain, scene, generator = self.robot.chain, make_scene([]), np.random.default_rng(0)
+        middle = (chain.lower + chain.upper) / 2
+        valid(chain, scene.obstacles, middle, 0.0)
+        coefficients = self._draw(scene, line_values(self._wide.space, middle, middle), generator)
+        self._attempt(scene, self._wide, coefficients, middle, middle)
+        self._prove(scene, self._path(self._wide, coefficients, middle, middle))
+        points = self._search(scene, middle, middle, generator)
+        resampled(points, self._narrow.space.times)
+
     def plan(
         self,
         scene: Scene,
@@ -260,25 +273,28 @@ class Planner:
                 yield "prior", wide, self._draw(scene, line_values(wide.space, start, goal), generator)
             if method == "kernel":
                 continue
-            points = connect(
-                self.robot.chain,
-                scene.obstacles,
-                start,
-                goal,
-                generator,
-                settings.reach,
-                settings.resolution,
-                0.0,
-                settings.search_iterations,
-            )
+            points = self._search(scene, start, goal, generator)
             if len(points) == 0:
                 yield "sampled", None, np.zeros((0, joints))
                 continue
-            points = shortcut(
-                self.robot.chain, scene.obstacles, points, generator, settings.shortcuts, settings.resolution, 0.0
-            )
             line = line_values(narrow.space, start, goal)
             yield "sampled", narrow, narrow.ridge @ (resampled(points, narrow.space.times) - line)
+
+    def _search(self, scene: Scene, start: FloatArray, goal: FloatArray, generator: np.random.Generator) -> FloatArray:
+        """A shortened path of RRT-Connect, points [n, D]; no rows if none was found."""
+        settings, chain = self.settings, self.robot.chain
+        points = connect(
+            chain,
+            scene.obstacles,
+            start,
+            goal,
+            generator,
+            settings.reach,
+            settings.resolution,
+            0.0,
+            settings.search_iterations,
+        )
+        return shortcut(chain, scene.obstacles, points, generator, settings.shortcuts, settings.resolution, 0.0)
 
     def _draw(self, scene: Scene, line: FloatArray, generator: np.random.Generator) -> FloatArray:
         """The cheapest of several draws from the wide kernel's Gaussian process, as coefficients [F, D]."""
