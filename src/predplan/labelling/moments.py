@@ -15,7 +15,7 @@ from scipy import sparse
 
 from predplan.labelling.counting import BigramCounts
 from predplan.labelling.features import SpellingClasses
-from predplan.labelling.subspace import right_singular_vectors
+from predplan.labelling.subspace import Scaled, right_singular_vectors
 
 Floats = NDArray[np.float64]
 
@@ -95,9 +95,9 @@ def canonical_contexts(moments: ContextMoments, dimension: int, seed: int) -> Fl
 
     It is scaled to act on counts.
     """
-    totals = np.asarray(moments.counts.sum(axis=0)).ravel()
-    right = right_singular_vectors(_whitened(moments), dimension, np.random.default_rng(seed))
-    return np.asarray(right * _inverse_root(totals)[:, None])
+    rows, columns = (_inverse_root(np.asarray(moments.counts.sum(axis=axis)).ravel()) for axis in (1, 0))
+    whitened = Scaled(moments.counts, rows, columns)
+    return np.asarray(right_singular_vectors(whitened, dimension, np.random.default_rng(seed)) * columns[:, None])
 
 
 def canonical_vectors(counts: sparse.csr_array, projection: Floats) -> Floats:
@@ -105,13 +105,6 @@ def canonical_vectors(counts: sparse.csr_array, projection: Floats) -> Floats:
     vectors = np.asarray(counts @ projection)
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.asarray(np.divide(vectors, lengths, out=vectors, where=lengths > 0))
-
-
-def _whitened(moments: ContextMoments) -> sparse.csr_array:
-    rows = np.asarray(moments.counts.sum(axis=1)).ravel()
-    columns = np.asarray(moments.counts.sum(axis=0)).ravel()
-    scaled = sparse.diags_array(_inverse_root(rows)) @ moments.counts @ sparse.diags_array(_inverse_root(columns))
-    return sparse.csr_array(scaled)
 
 
 def _inverse_root(totals: Floats) -> Floats:
