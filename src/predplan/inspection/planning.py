@@ -78,7 +78,7 @@ def draw_plan(recording: rr.RecordingStream, artifact: Path) -> Page:
     tool = plan.frames.translation[:, plan.frames.children.index(TOOL)]
     limits = Limits(*(np.array(plan.facts["limits"][name]) for name in ("lower", "upper", "velocity", "acceleration")))
     plans = Plans(
-        f"{artifact.stem}: {plan.facts['robot']} in {plan.facts['scene']}",
+        f"{artifact.stem}: {_who_and_where(plan.facts)}",
         _certificate(plan.facts),
         plan.solids,
         plan.frames,
@@ -228,7 +228,7 @@ def _legend(states: JointStates) -> str:
 def _certificate(facts: Mapping[str, Any]) -> str:
     """What was proved of the path, in a sentence."""
     proof = facts.get("certificate")
-    start = f"{escape(str(facts['robot']))} moves in {escape(str(facts['scene']))}."
+    start = f"The motion of {escape(_who_and_where(facts))}."
     if not proof:
         return f"{start} Nothing was proved of this motion."
     if proof["free"]:
@@ -238,3 +238,9 @@ def _certificate(facts: Mapping[str, Any]) -> str:
             f"itself{margin}, and within joint limits."
         )
     return f"{start} **Not certified**: {escape(str(proof['reason']))}."
+
+
+def _who_and_where(facts: Mapping[str, Any]) -> str:
+    """Robot and scene; one file may hold both."""
+    robot, scene = str(facts["robot"]), str(facts["scene"])
+    return robot if robot == scene else f"{robot} in {scene}"
