@@ -8,7 +8,6 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial import ConvexHull, QhullError
 
 from predplan.errors import InputError
 from predplan.planning.robots import FloatArray, IntArray
@@ -146,6 +145,8 @@ class Hull(NamedTuple):
 
 def convex_hull(vertices: ArrayLike, name: str) -> Hull:
     """The convex hull of points [n, 3]; raises InputError, with the mesh's name, where they have no volume."""
+    from scipy.spatial import ConvexHull, QhullError  # half a second that scenes without meshes need not wait
+
     points = np.asarray(vertices, dtype=np.float64)
     try:
         hull = ConvexHull(points)

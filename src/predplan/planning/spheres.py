@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from predplan.errors import InputError
 from predplan.planning.poses import along
@@ -115,6 +114,8 @@ def _covers(candidates: FloatArray, limits: FloatArray, pieces: Pieces) -> BoolA
 
 def _needed_radius(centres: FloatArray, pieces: Pieces) -> FloatArray:
     """The radius [c, n] (m) that a sphere at each centre needs to cover each piece."""
+    from scipy.spatial.distance import cdist  # half a second that a body of spheres need not wait
+
     needed = np.zeros((len(centres), len(pieces.radii)))
     for corner in range(CORNERS):
         np.maximum(needed, cdist(centres, pieces.corners[:, corner]), out=needed)
