@@ -6,11 +6,14 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
-import mujoco  # type: ignore[import-untyped]
+import mujoco
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
+from predplan.planning.distances import nearest
 from predplan.planning.robots import FloatArray
+from predplan.planning.scenes import Obstacles
 
 MIRROR = Path(os.environ.get("PREDPLAN_MIRROR", Path(__file__).parents[3] / "shared" / "data"))
 BENCH = MIRROR / "motion-bench"
@@ -155,11 +158,16 @@ def urdf_in_mujoco(path: Path) -> Any:
     for link in root.findall("link"):
         for visual in link.findall("visual"):
             link.remove(visual)
-        if link.find("inertial") is not None:
-            link.remove(link.find("inertial") or ET.Element("inertial"))
     extension = ET.SubElement(root, "mujoco")
     ET.SubElement(extension, "compiler", fusestatic="false", boundmass="1", boundinertia="1")
     return mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
+
+
+def nearest_to(obstacles: Obstacles, point: ArrayLike, ceiling: float = 100.0) -> tuple[float, FloatArray, int]:
+    """The signed distance of a point [3], its gradient [3] and the obstacle's number."""
+    x, y, z = np.asarray(point, dtype=np.float64).tolist()
+    distance, nx, ny, nz, obstacle = nearest(obstacles, x, y, z, ceiling)
+    return float(distance), np.array([nx, ny, nz]), int(obstacle)
 
 
 def random_rotation(generator: np.random.Generator) -> FloatArray:

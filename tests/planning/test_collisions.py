@@ -80,10 +80,9 @@ def test_what_stands_in_an_mjcf_scene_is_tried_against_links_only(tree: Robot) -
 
 def test_the_cost_falls_to_zero_at_epsilon_without_a_corner() -> None:
     epsilon = 0.1
-    assert workspace_cost(-0.2, epsilon) == (pytest.approx(0.25), -1.0)
-    assert workspace_cost(0.0, epsilon) == (pytest.approx(0.05), pytest.approx(-1.0))
-    assert workspace_cost(0.05, epsilon) == (pytest.approx(0.0125), pytest.approx(-0.5))
-    assert workspace_cost(0.1, epsilon) == (0.0, 0.0)
+    found = np.array([workspace_cost(clearance, epsilon) for clearance in (-0.2, 0.0, 0.05, 0.1, 1.0)])
+    expected = np.array([[0.25, -1.0], [0.05, -1.0], [0.0125, -0.5], [0.0, 0.0], [0.0, 0.0]])
+    np.testing.assert_allclose(found, expected, atol=1e-15)
 
 
 def test_costs_are_sums_and_maxima_of_the_spheres_costs(tree: Robot) -> None:
@@ -106,7 +105,11 @@ def test_costs_are_sums_and_maxima_of_the_spheres_costs(tree: Robot) -> None:
 
 @pytest.mark.parametrize("kind", ["body", "worst"])
 def test_gradients_are_finite_differences(tree: Robot, kind: str) -> None:
-    for robot, scene in ((tree, SCENE), (planar_arm([0.3, 0.3, 0.2, 0.2, 0.2]), SCENE), (point_robot(0.1, -0.5, 0.5), SCENE)):
+    for robot, scene in (
+        (tree, SCENE),
+        (planar_arm([0.3, 0.3, 0.2, 0.2, 0.2]), SCENE),
+        (point_robot(0.1, -0.5, 0.5), SCENE),
+    ):
         chain, step = robot.chain, 1e-6
         joints = len(chain.lower)
 
@@ -128,8 +131,11 @@ def test_gradients_are_finite_differences(tree: Robot, kind: str) -> None:
 def test_what_touches_what_is_named_deepest_first() -> None:
     point = point_robot(0.1, -1.0, 1.0)
     scene = make_scene([Sphere([0.15, 0, 0], 0.1, "ball"), Box([-0.09, 0, 0], [0.05, 1, 1], name="wall")])
-    touches = nearest_names(point, scene, np.zeros(2))
-    assert touches == [("point", "wall", pytest.approx(0.06))]  # each sphere is named with what it is nearest to
+    ((link, obstacle, depth),) = nearest_names(
+        point, scene, np.zeros(2)
+    )  # a sphere is named with what it is nearest to
+    assert (link, obstacle) == ("point", "wall")
+    assert depth == pytest.approx(0.06)
     arm = planar_arm([0.5, 0.5, 0.5], limit=3.1)
     folded = nearest_names(arm, make_scene([]), np.array([0.0, 3.0, -3.0]))
     assert [(a, b) for a, b, _ in folded] == [("link1", "link3")]

@@ -2,14 +2,14 @@
 
 from typing import Any
 
-import mujoco  # type: ignore[import-untyped]
+import mujoco
 import numpy as np
 import pytest
 
 from predplan.planning.distances import anything_within, count, nearest
 from predplan.planning.robots import FloatArray
 from predplan.planning.scenes import Box, Capsule, Cylinder, Mesh, Scene, Shape, Sphere, make_scene
-from tests.planning.models import random_rotation
+from tests.planning.models import nearest_to, random_rotation
 
 RADIUS = 0.01
 GENERATOR = np.random.default_rng(0)
@@ -23,7 +23,7 @@ SHAPES: dict[str, tuple[Shape, str]] = {
         Cylinder([0.1, 0.2, 0.3], 0.3, 0.2, random_rotation(GENERATOR)),
         'type="cylinder" size=".2 .3"',
     ),
-    "mesh": (Mesh(CLOUD + [0.1, 0.2, 0.3]), 'type="mesh" mesh="cloud"'),
+    "mesh": (Mesh(np.add(CLOUD, [0.1, 0.2, 0.3])), 'type="mesh" mesh="cloud"'),
 }
 
 
@@ -46,7 +46,7 @@ def mujoco_distance(kind: str, shape: Shape) -> tuple[Any, Any]:
 
 
 def signed(scene: Scene, point: FloatArray) -> float:
-    return float(nearest(scene.obstacles, *point, 100.0)[0])
+    return nearest_to(scene.obstacles, point)[0]
 
 
 @pytest.mark.parametrize("kind", SHAPES)
@@ -86,10 +86,10 @@ def test_gradients_are_unit_vectors_and_finite_differences(kind: str) -> None:
     obstacles = make_scene([SHAPES[kind][0]]).obstacles
     step = 1e-6
     for point in np.random.default_rng(3).normal([0.1, 0.2, 0.3], 0.35, (200, 3)):
-        gradient = np.array(nearest(obstacles, *point, 100.0)[1:4])
+        gradient = nearest_to(obstacles, point)[1]
         assert np.linalg.norm(gradient) == pytest.approx(1.0)
         ahead, behind = (
-            np.array([nearest(obstacles, *(point + sign * step * e), 100.0)[0] for e in np.eye(3)]) for sign in (1, -1)
+            np.array([nearest_to(obstacles, point + sign * step * e)[0] for e in np.eye(3)]) for sign in (1, -1)
         )
         np.testing.assert_allclose(gradient, (ahead - behind) / (2 * step), atol=1e-4)
 
@@ -99,7 +99,7 @@ def test_the_nearest_of_many_is_named_and_a_ceiling_is_kept() -> None:
     shapes: list[Shape] = []
     for i in range(30):
         centre, turned = generator.uniform(-1, 1, 3), random_rotation(generator)
-        small = [
+        small: list[Shape] = [
             Box(centre, generator.uniform(0.05, 0.2, 3), turned),
             Sphere(centre, 0.1),
             Capsule(centre, centre + generator.normal(0, 0.1, 3), 0.05),
@@ -114,12 +114,14 @@ def test_the_nearest_of_many_is_named_and_a_ceiling_is_kept() -> None:
         distances = np.array([signed(one, point) for one in alone])
         least = int(np.argmin(distances))
         for ceiling in (100.0, 0.05, 0.0, -0.02):
-            distance, *gradient, which = nearest(scene.obstacles, *point, ceiling)
+            distance, gradient, which = nearest_to(scene.obstacles, point, ceiling)
             if distances[least] < ceiling:
-                assert (distance, which) == (pytest.approx(distances[least]), least)
+                assert distance == pytest.approx(distances[least])
+                assert which == least
             else:
-                assert (distance, *gradient, which) == (ceiling, 0.0, 0.0, 0.0, -1)
-            assert anything_within(scene.obstacles, *point, ceiling) == (distances[least] < ceiling)
+                assert (distance, gradient.tolist(), which) == (ceiling, [0.0, 0.0, 0.0], -1)
+            x, y, z = point.tolist()
+            assert anything_within(scene.obstacles, x, y, z, ceiling) == (distances[least] < ceiling)
 
 
 def test_an_empty_scene_is_far_from_everything() -> None:
@@ -131,11 +133,13 @@ def test_an_empty_scene_is_far_from_everything() -> None:
 def test_a_hull_of_a_cube_is_the_box() -> None:
     hull, box = make_scene([Mesh(CUBE)]).obstacles, make_scene([Box([0, 0, 0], [0.3, 0.3, 0.3])]).obstacles
     for point in np.random.default_rng(5).uniform(-0.6, 0.6, (300, 3)):
-        np.testing.assert_allclose(nearest(hull, *point, 9.0), nearest(box, *point, 9.0), atol=1e-9)
+        found, expected = nearest_to(hull, point), nearest_to(box, point)
+        assert found[0] == pytest.approx(expected[0])
+        np.testing.assert_allclose(found[1], expected[1], atol=1e-9)
 
 
 def test_centres_and_axes_have_some_direction() -> None:
     for shape in (Sphere([0, 0, 0], 0.1), Cylinder([0, 0, 0], 0.3, 0.1), Box([0, 0, 0], [0.1, 0.2, 0.3])):
-        distance, *gradient, _ = nearest(make_scene([shape]).obstacles, 0.0, 0.0, 0.0, 1.0)
+        distance, gradient, _ = nearest_to(make_scene([shape]).obstacles, [0.0, 0.0, 0.0])
         assert distance == pytest.approx(-0.1)
         assert np.linalg.norm(gradient) == pytest.approx(1.0)

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from predplan.errors import InputError
-from predplan.planning.distances import nearest
-from predplan.planning.scenes import Box, Capsule, Cylinder, Mesh, Sphere, make_scene, moved
-from tests.planning.models import random_rotation
+from predplan.planning.scenes import Box, Capsule, Cylinder, Mesh, Shape, Sphere, make_scene, moved
+from tests.planning.models import nearest_to, random_rotation
 
 TETRAHEDRON = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
 
@@ -23,7 +22,7 @@ def test_obstacles_are_numbered_by_kind_and_keep_their_names() -> None:
 
 def test_distances_move_with_the_shapes() -> None:
     generator = np.random.default_rng(0)
-    shapes = [
+    shapes: list[Shape] = [
         Box([0.1, 0, 0], [0.1, 0.2, 0.3]),
         Sphere([0, 1, 0], 0.1),
         Capsule([0, 0, 1], [0, 1, 1], 0.1),
@@ -34,8 +33,8 @@ def test_distances_move_with_the_shapes() -> None:
         rotation, translation = random_rotation(generator), generator.standard_normal(3)
         before, after = make_scene([shape]).obstacles, make_scene([moved(shape, rotation, translation)]).obstacles
         for point in generator.normal(0, 1, (20, 3)):
-            distance, *gradient, _ = nearest(before, *point, 9.0)
-            found, *turned, _ = nearest(after, *(rotation @ point + translation), 9.0)
+            distance, gradient, _ = nearest_to(before, point)
+            found, turned, _ = nearest_to(after, rotation @ point + translation)
             assert found == pytest.approx(distance)
             np.testing.assert_allclose(turned, rotation @ gradient, atol=1e-9)
 

@@ -38,6 +38,23 @@ def from_quaternion(w: float, x: float, y: float, z: float) -> FloatArray:
     )
 
 
+def to_quaternion(rotation: FloatArray) -> FloatArray:
+    """Quaternions x y z w [..., 4] of rotations [..., 3, 3], from the largest of their squares (Shepperd 1978)."""
+    diagonal = np.diagonal(rotation, axis1=-2, axis2=-1)
+    trace = diagonal.sum(axis=-1, keepdims=True)
+    # 4 q qᵀ; its column with the largest diagonal is the quaternion, up to length.
+    product = np.empty((*rotation.shape[:-2], 4, 4))
+    product[..., :3, :3] = rotation + np.swapaxes(rotation, -1, -2)
+    for k in range(3):
+        product[..., k, k] = 1.0 - trace[..., 0] + 2.0 * diagonal[..., k]
+        i, j = (k + 1) % 3, (k + 2) % 3
+        product[..., k, 3] = product[..., 3, k] = rotation[..., j, i] - rotation[..., i, j]
+    product[..., 3, 3] = 1.0 + trace[..., 0]
+    largest = np.argmax(np.diagonal(product, axis1=-2, axis2=-1), axis=-1)
+    columns = np.take_along_axis(product, largest[..., None, None], axis=-1)[..., 0]
+    return np.asarray(columns / np.linalg.norm(columns, axis=-1, keepdims=True))
+
+
 def from_rpy(roll: float, pitch: float, yaw: float) -> FloatArray:
     """URDF's roll, pitch, yaw (rad) about the fixed axes x, y, z: Rz Ry Rx."""
     return about([0, 0, 1], yaw) @ about([0, 1, 0], pitch) @ about([1, 0, 0], roll)

@@ -28,8 +28,8 @@ def read_robot(
 ) -> Robot:
     """A robot from URDF (with the SRDF beside it, or `srdf`) or MJCF; frame 0 is the world.
 
-    joints: those to plan, which come in the file's order. By default the SRDF's `group` (its first if not named), or
-    the longest serial chain without its hand (see main_chain).
+    joints: those to plan, which come in the file's order. By default the SRDF's `group` (if not named, its first that
+    is a chain, or its first), or the longest serial chain without its hand (see main_chain); less those in `fixed`.
     fixed: where other joints are held (rad or m). By default the value in the file, or zero, or the nearest allowed.
     acceleration_limit: rad/s² or m/s², one or one a joint, since neither format has any. Velocity limits are URDF's;
     where none is stated DEFAULT_VELOCITY.
@@ -42,6 +42,7 @@ def read_robot(
         raise InputError(f"{path}: no such file; expected a robot as URDF or MJCF")
     kind = parse_xml(path).tag
     welded: tuple[str, ...] = ()
+    chosen = joints is not None
     if kind == "robot":
         tree, welded = read_urdf(path)
         found = Path(srdf) if srdf is not None else find_srdf(path, tree.name)
@@ -50,9 +51,9 @@ def read_robot(
             tree = replace(tree, allowed=semantics.allowed, complete=True)
             if group is not None and group not in semantics.groups:
                 raise InputError(f"{found}: unknown group {group!r}; expected one of: {', '.join(semantics.groups)}")
-            groups = [semantics.groups[group]] if group is not None else list(semantics.groups.values())
-            if joints is None and groups:
-                joints = groups[0]
+            group = group or semantics.main
+            if joints is None and group is not None:
+                joints, chosen = semantics.groups[group], False
         elif group is not None:
             raise InputError(f"{path}: the group {group!r} needs an SRDF; found none beside the URDF")
     elif kind == "mujoco":
@@ -61,10 +62,14 @@ def read_robot(
         tree, joints = read_mjcf_robot(path, joints)
     else:
         raise InputError(f"{path}: the root element is <{kind}>; expected <robot> (URDF) or <mujoco> (MJCF)")
+    joints = main_chain(tree) if joints is None else joints
+    held = fixed or {}
+    if chosen and set(joints) & set(held):
+        raise InputError(f"{path}: {', '.join(sorted(set(joints) & set(held)))} both to be planned and held")
     return build_robot(
         tree,
-        main_chain(tree) if joints is None else joints,
-        fixed=fixed or {},
+        [joint for joint in joints if joint not in held],
+        fixed=held,
         welded=welded,
         acceleration_limit=acceleration_limit,
         tool=tool,

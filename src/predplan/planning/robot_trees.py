@@ -103,7 +103,9 @@ def build_robot(
     values = {name: _held_value(tree, movable, fixed, planned, name) for name in movable if name not in planned}
     mounts, places = _mount(tree, planned, values)
     order = sorted((i for i, node in enumerate(tree.nodes) if node.shapes), key=lambda i: places[i].frame)
-    fitted = [fit_spheres(tree.nodes[i].shapes, sphere_tolerance, tree.nodes[i].name) for i in order]
+    fitted = [
+        fit_spheres(tree.nodes[i].shapes, sphere_tolerance, f"{tree.source}: {tree.nodes[i].name}") for i in order
+    ]
     links = [
         Link(tree.nodes[i].name, places[i].frame, _moved(spheres, places[i].pose), spheres.radii)
         for i, spheres in zip(order, fitted, strict=True)

@@ -123,14 +123,27 @@ def _needed_radius(centres: FloatArray, pieces: Pieces) -> FloatArray:
 
 
 def _grid(shapes: Sequence[Shape], pieces: Pieces, tolerance: float) -> FloatArray:
-    """Points [c, 3] inside the shapes, symmetric about the middle of their bounds."""
-    low = (pieces.corners - pieces.radii[:, None, None]).min(axis=(0, 1))
-    high = (pieces.corners + pieces.radii[:, None, None]).max(axis=(0, 1))
+    """Points [c, 3] inside the shapes, along the axes of the first and symmetric about the middle of all."""
+    rotation = _axes(shapes[0])
+    corners = pieces.corners @ rotation
+    low = (corners - pieces.radii[:, None, None]).min(axis=(0, 1))
+    high = (corners + pieces.radii[:, None, None]).max(axis=(0, 1))
     step = max(tolerance / 2, float(np.prod(high - low) / MOST_CANDIDATES) ** (1 / 3))
     halves = np.ceil((high - low) / step / 2).astype(int)
     axes = [np.linspace(a, b, 2 * n + 1) for a, b, n in zip(low, high, halves, strict=True)]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3) @ rotation.T
     return np.asarray(grid[_depth(shapes, grid) > 0])
+
+
+def _axes(shape: Shape) -> FloatArray:
+    """Columns [3, 3] along which the shape is symmetric, or a mesh extends most and least."""
+    if isinstance(shape, Box | Cylinder):
+        return np.asarray(shape.rotation, dtype=np.float64)
+    if isinstance(shape, Mesh):
+        corners = np.asarray(shape.vertices, dtype=np.float64)
+        return np.asarray(np.linalg.svd(corners - corners.mean(axis=0), full_matrices=False)[2].T)
+    line = np.zeros(3) if isinstance(shape, Sphere) else np.subtract(shape.b, shape.a)
+    return along(line) if np.any(line) else np.eye(3)
 
 
 def _depth(shapes: Sequence[Shape], points: FloatArray) -> FloatArray:

@@ -23,6 +23,7 @@ class Semantics:
     """What an SRDF adds: the joints of each group, and pairs of links whose contact is allowed."""
 
     groups: Mapping[str, tuple[str, ...]]
+    main: str | None  # the first group that is a chain, or else the first
     allowed: frozenset[frozenset[str]]
 
 
@@ -95,7 +96,8 @@ def read_srdf(path: Path | str, tree: RobotTree) -> Semantics:
         members = _members(group, groups, tree, path)
         names = [node.joint.name for node in tree.nodes if node.joint is not None and node.joint.mimic is None]
         groups[_name(group, path)] = tuple(name for name in names if name in members)
-    return Semantics(groups, allowed)
+    chains = [_name(group, path) for group in root.findall("group") if group.find("chain") is not None]
+    return Semantics(groups, next(iter([*chains, *groups]), None), allowed)
 
 
 def find_srdf(path: Path | str, name: str) -> Path | None:
