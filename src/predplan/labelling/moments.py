@@ -86,7 +86,8 @@ def context_label_moments(moments: ContextMoments, anchors: NDArray[np.bool_], s
 
     `smoothing` pseudo-counts of the overall context distribution are added, so that no context is impossible.
     """
-    counted = np.asarray((moments.counts.T @ anchors.astype(np.float64)).T)
+    rows = np.flatnonzero(anchors.any(axis=1))
+    counted = np.asarray((moments.counts[rows].T @ anchors[rows].astype(np.float64)).T)
     return by_side(counted + smoothing * moments.context_probability)
 
 

@@ -92,13 +92,24 @@ def find_anchors(
 ) -> Anchors:
     """Anchors of every tag from labels and dictionary."""
     listed = {word: dict.fromkeys(allowed, 1) for word, allowed in supervision.dictionary.items()}
-    return supervised_anchors(
-        tag_matrix(supervision.labels, raw.word_ids, tags),
-        tag_matrix(listed, raw.word_ids, tags),
-        raw.moments.word_count,
+    rows = known_rows(raw, supervision)
+    place = {raw.moments.vocabulary[row]: place for place, row in enumerate(rows.tolist())}
+    found = supervised_anchors(
+        tag_matrix(supervision.labels, place, tags),
+        tag_matrix(listed, place, tags),
+        raw.moments.word_count[rows],
         tags,
         settings,
     )
+    chosen = np.zeros((len(raw.word_ids), len(tags)), np.bool_)
+    chosen[rows] = found.chosen
+    return Anchors(chosen, found.thresholds)
+
+
+def known_rows(raw: RawStatistics, supervision: Supervision) -> NDArray[np.int64]:
+    """Rows of the raw words that labels or dictionary know, rising."""
+    known = {*supervision.labels, *supervision.dictionary}
+    return np.array(sorted(raw.word_ids[word] for word in known if word in raw.word_ids), np.int64)
 
 
 def gather_evidence(raw: RawStatistics, contexts: ContextPosteriors) -> Evidence:
@@ -133,8 +144,7 @@ def judge_contexts(
 ) -> ContextPosteriors:
     """Posteriors, by the anchors [V, K], of every word that a lexicon will list."""
     wanted = raw.moments.word_count >= settings.lexicon.least_count
-    known = [raw.word_ids[word] for word in {*supervision.labels, *supervision.dictionary} if word in raw.word_ids]
-    wanted[known] = True
+    wanted[known_rows(raw, supervision)] = True
     rng = np.random.default_rng(seed)
     rows = np.flatnonzero(wanted)
     return cross_fitted_posteriors(raw.moments, anchors, settings.posteriors, settings.folds, rng, rows)
