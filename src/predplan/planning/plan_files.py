@@ -10,6 +10,7 @@ import json
 import pathlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,8 +29,10 @@ from predplan.artifacts.provenance import Provenance
 from predplan.artifacts.recordings import Curves, FloatArray, JointStates, LogLine, Solid, Transforms
 from predplan.errors import InputError
 from predplan.planning.collisions import clearances
+from predplan.planning.paths import Path
 from predplan.planning.robots import Robot
 from predplan.planning.scenes import Scene
+from predplan.planning.timing import Timing
 from predplan.planning.visuals import frame_poses, robot_solids, scene_solids
 
 if TYPE_CHECKING:
@@ -54,6 +57,20 @@ class PlanFile:
     solids: Sequence[Solid]
     facts: Mapping[str, Any]  # plan.json
 
+    @cached_property
+    def path(self) -> Path | None:
+        """The path that was certified, to the last bit; None where the file holds a motion that is no plan's."""
+        kept = self.facts.get("path")
+        return None if kept is None else Path(np.array(kept["breaks"]), np.array(kept["coefficients"]))
+
+    @cached_property
+    def timing(self) -> Timing | None:
+        """When the path is where, likewise."""
+        kept = self.facts.get("timing")
+        if kept is None:
+            return None
+        return Timing(*(np.array(kept[name]) for name in ("times_s", "s", "speed_per_s")))
+
 
 def write_plan(path: pathlib.Path, plan: Plan, provenance: Provenance, rate: float = RATE, meshes: bool = True) -> None:
     """Write a plan's trajectory, sampled `rate` times a second and at its end, and its path as it was certified.
@@ -62,7 +79,7 @@ def write_plan(path: pathlib.Path, plan: Plan, provenance: Provenance, rate: flo
     Raises ValueError where there is no trajectory.
     """
     timing = plan.timing
-    times = np.linspace(0.0, plan.duration_s, max(2, int(np.ceil(plan.duration_s * rate)) + 1))
+    times = np.append(np.arange(int(np.ceil(plan.duration_s * rate - 1e-6))) / rate, plan.duration_s)
     order = (plan.trajectory(times, derivative) for derivative in range(3))
     facts = {
         "method": plan.method,

@@ -4,8 +4,12 @@ The timed trajectory is the path itself, q(t) = path(s(t)) with s̈ constant bet
 proved of the path holds for the trajectory.
 """
 
+import sys
 from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
 from itertools import pairwise
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -81,8 +85,7 @@ def parametrise(path: Path, velocity_limit: FloatArray, acceleration_limit: Floa
 def _between_stops(
     path: Path, first: float, last: float, velocity_limit: FloatArray, acceleration_limit: FloatArray
 ) -> Timing:
-    from toppra import algorithm, constraint  # imports pyplot: a second that a plan without times need not wait
-
+    algorithm, constraint, _ = _toppra()
     grid = np.linspace(first, last, GRID + 1)
     limits = [
         constraint.JointVelocityConstraint(np.stack([-velocity_limit, velocity_limit], axis=1)),
@@ -104,10 +107,35 @@ def _between_stops(
     return _slowed(path, Timing(times, grid, speed), velocity_limit, acceleration_limit)
 
 
-def _for_toppra(path: Path) -> Any:
-    from toppra.interpolator import AbstractGeometricPath
+class _LatePyplot(ModuleType):
+    """Stands for pyplot, and imports it when something of it is wanted."""
 
-    class Geometric(AbstractGeometricPath):  # type: ignore[misc]
+    def __getattr__(self, name: str) -> Any:
+        if sys.modules.get(self.__name__) is self:  # still being imported, which asks for what may be there
+            raise AttributeError(name)
+        return getattr(import_module(self.__name__), name)
+
+
+@cache
+def _toppra() -> tuple[ModuleType, ModuleType, ModuleType]:
+    """TOPPRA's algorithms, constraints and interpolators, imported when first used.
+
+    It imports pyplot for drawings that are not made here, which takes longer than all the rest.
+    """
+    late = [name for name in ("matplotlib", "matplotlib.pyplot") if name not in sys.modules]
+    sys.modules.update({name: _LatePyplot(name) for name in late})
+    try:
+        from toppra import algorithm, constraint, interpolator
+    finally:
+        for name in late:
+            del sys.modules[name]
+    return algorithm, constraint, interpolator
+
+
+def _for_toppra(path: Path) -> Any:
+    interpolator = _toppra()[2]
+
+    class Geometric(interpolator.AbstractGeometricPath):  # type: ignore[misc, name-defined]
         path_interval = np.array([0.0, 1.0])
         dof = path.coefficients.shape[2]
 

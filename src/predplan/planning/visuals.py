@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from predplan.artifacts.recordings import WORLD, Colour, Mesh, Primitive, Solid, Transforms
 from predplan.planning.kinematics import poses
-from predplan.planning.poses import along
+from predplan.planning.poses import along, to_quaternion
 from predplan.planning.robots import FloatArray, Robot
 from predplan.planning.scenes import Box, Capsule, Cylinder, Scene, Shape, Sphere, convex_hull
 
@@ -43,8 +42,7 @@ def frame_poses(robot: Robot, times: FloatArray, configurations: FloatArray) -> 
     places = np.concatenate([positions[:, 1:], tool[:, None]], axis=1)
     turns = np.concatenate([rotations[:, 1:], rotations[:, chain.tool_frame, None]], axis=1)
     children = (*robot.joints, TOOL)
-    quaternions = Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_quat().reshape(*places.shape[:2], 4)
-    return Transforms(times, (WORLD,) * len(children), children, places, quaternions)
+    return Transforms(times, (WORLD,) * len(children), children, places, to_quaternion(turns))
 
 
 def robot_solids(robot: Robot, meshes: bool = True) -> tuple[Solid, ...]:
@@ -83,7 +81,7 @@ def _solids(name: str, shape: Shape) -> Iterator[Solid]:
     if isinstance(shape, Box):
         size = 2.0 * _array(shape.half)
         colour = GROUND_COLOUR if size.max() > GROUND else OBSTACLE_COLOUR
-        yield Primitive(name, "cube", _array(shape.centre), _quaternion(_array(shape.rotation)), size, colour)
+        yield Primitive(name, "cube", _array(shape.centre), to_quaternion(_array(shape.rotation)), size, colour)
     elif isinstance(shape, Sphere):
         yield _ball(name, _array(shape.centre), shape.radius)
     elif isinstance(shape, Cylinder):
@@ -109,17 +107,11 @@ def _ball(name: str, centre: FloatArray, radius: float) -> Primitive:
 
 def _rod(name: str, centre: FloatArray, rotation: FloatArray, half: float, radius: float) -> Primitive:
     size = 2.0 * np.array([radius, radius, half])
-    return Primitive(name, "cylinder", centre, _quaternion(rotation), size, OBSTACLE_COLOUR)
+    return Primitive(name, "cylinder", centre, to_quaternion(rotation), size, OBSTACLE_COLOUR)
 
 
 def _array(values: Any) -> FloatArray:
     return np.asarray(values, np.float64)
-
-
-def _quaternion(rotation: FloatArray) -> FloatArray:
-    """x y z w of a rotation [3, 3]."""
-    quaternion: FloatArray = Rotation.from_matrix(rotation).as_quat()
-    return quaternion
 
 
 def _mjcf_solids(robot: Robot) -> Iterator[Solid]:
@@ -173,7 +165,7 @@ def _geom_solids(
     import mujoco
 
     kind, size = mujoco.mjtGeom(int(model.geom_type[geom])), 2.0 * model.geom_size[geom]
-    turn = _quaternion(rotation)
+    turn = to_quaternion(rotation)
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
         mesh = int(model.geom_dataid[geom])
         first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
