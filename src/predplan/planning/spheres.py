@@ -183,7 +183,7 @@ def _pieces(shape: Shape, name: str) -> Pieces:
             parts.append(_pieces(Cylinder((a + b) / 2, half, shape.radius, along(b - a)), name))
         return _joined(parts)
     if isinstance(shape, Mesh):
-        triangles = convex_hull(shape.vertices, shape.name or name).triangles
+        triangles = convex_hull(shape.vertices, name).triangles
         middle = triangles.reshape(-1, 3).mean(axis=0)
         arms = triangles - middle
         shells = [np.concatenate([outer * arms, inner * arms], axis=1) for outer, inner in ((1.0, 0.5), (0.5, 0.0))]
