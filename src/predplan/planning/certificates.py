@@ -52,7 +52,8 @@ class Verdict(NamedTuple):
 
 def certify(robot: Robot, scene: Scene, path: Path, margin: float = 0.0) -> Certificate:
     """Prove that the path keeps `margin` (m) and the joint limits, or say where it does not."""
-    verdict = prove(robot.chain, scene.obstacles, path.breaks, path.coefficients, margin, MOST)
+    breaks, coefficients = np.ascontiguousarray(path.breaks), np.ascontiguousarray(path.coefficients)
+    verdict = prove(robot.chain, scene.obstacles, breaks, coefficients, margin, MOST)
     return stated(robot, scene, verdict, margin)
 
 
@@ -96,8 +97,10 @@ def prove(
     for piece in range(pieces):
         top = 0
         controls[0], left[0], width[0] = coefficients[piece], breaks[piece], breaks[piece + 1] - breaks[piece]
-        open_spheres[0], open_pairs[0] = np.arange(spheres), np.arange(pairs)
-        counts[0, 0], counts[0, 1] = spheres, pairs
+        # What stands in the scene is not tried against it (see Chain.scene_link).
+        first = chain.link_first[chain.scene_link]
+        open_spheres[0, : spheres - first], open_pairs[0] = np.arange(first, spheres), np.arange(pairs)
+        counts[0, 0], counts[0, 1] = spheres - first, pairs
         while top >= 0:
             looked += 1
             s = left[top] + 0.5 * width[top]

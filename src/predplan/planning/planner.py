@@ -223,6 +223,7 @@ class Planner:
     ) -> Plan:
         """A certified trajectory from start to goal [D] (rad, m) within `budget` seconds, or the reason why not.
 
+        Half the budget goes to the largest of the scene's larger ones in which start and goal are free.
         Raises InputError if start or goal is not a valid configuration, or the budget is not positive.
         """
         began = time.perf_counter()
@@ -232,31 +233,30 @@ class Planner:
             raise InputError(f"budget is {budget} s; expected more than 0")
         start = self._configuration(scene, "start", start)
         goal = self._configuration(scene, "goal", goal)
+        chain = self.robot.chain
+        larger = [
+            held
+            for held in scene.larger
+            if valid(chain, held.obstacles, start, 0.0) and valid(chain, held.obstacles, goal, 0.0)
+        ][:1]
         attempts: list[Attempt] = []
-        for name, basis, coefficients in self._starts(scene, start, goal, method, np.random.default_rng(seed)):
-            elapsed = time.perf_counter() - began
-            if elapsed > budget:
-                break
-            if basis is None:
-                attempts.append(Attempt(name, "no path was found", 0, elapsed))
-                continue
-            tried = self._attempt(scene, basis, coefficients, start, goal)
-            attempts.append(Attempt(name, tried.outcome, tried.iterations, time.perf_counter() - began))
-            if tried.path is not None:
+        for world, share in [*((held, 0.5) for held in larger), (scene, 1.0)]:
+            for name, basis, coefficients in self._starts(world, start, goal, method, np.random.default_rng(seed)):
+                elapsed = time.perf_counter() - began
+                if elapsed > share * budget:
+                    break
+                if basis is None:
+                    attempts.append(Attempt(name, "no path was found", 0, elapsed))
+                    continue
+                tried = self._attempt(world, basis, coefficients, start, goal)
+                attempts.append(Attempt(name, tried.outcome, tried.iterations, time.perf_counter() - began))
+                if tried.path is None:
+                    continue
                 if name != "line":
-                    tried = self._smoother(scene, tried, start, goal)
-                certificate = stated(self.robot, scene, tried.verdict, 0.0)
-                return Plan(
-                    self.robot,
-                    scene,
-                    True,
-                    "",
-                    method,
-                    time.perf_counter() - began,
-                    tuple(attempts),
-                    certificate,
-                    tried.path,
-                )
+                    tried = self._smoother(world, tried, start, goal)
+                certificate = stated(self.robot, world, tried.verdict, 0.0)
+                took = time.perf_counter() - began
+                return Plan(self.robot, scene, True, "", method, took, tuple(attempts), certificate, tried.path)
         reason = f"no certified trajectory within {budget:g} s: {_summary(attempts)}"
         return Plan(self.robot, scene, False, reason, method, time.perf_counter() - began, tuple(attempts), None, None)
 

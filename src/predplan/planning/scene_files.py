@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import get_args
 
@@ -12,7 +12,7 @@ import numpy as np
 from predplan.errors import InputError
 from predplan.planning.moveit import CylinderKind, Primitives, goal_values, load_yaml, scene_shapes, start_values
 from predplan.planning.robots import FloatArray, Robot
-from predplan.planning.scenes import Scene, make_scene
+from predplan.planning.scenes import Cylinder, Scene, make_scene
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,10 @@ def read_scene(
 ) -> Scene:
     """A scene from MoveIt YAML (.yaml, .yml) or from the bodies of an MJCF (.xml).
 
+    Software differs in what it takes a MoveIt cylinder for. Cylinders as they are therefore come with two larger
+    scenes, in which they are held by their capsules and boxes, and by their boxes; a planner takes the largest that
+    leaves start and goal free, so that its plan holds for every reader of the file.
+
     cylinders_as: cylinders as they are, as capsules with the same length between the centres of their ends, or as the
     boxes that hold them. primitives: all of each MoveIt object, or its first (as the published motion-bench does).
     exclude_bodies: MJCF bodies left out, with all they carry; by default the trees that actuators drive, which are
@@ -71,8 +75,17 @@ def read_scene(
     content = load_yaml(path, "a planning scene with world.collision_objects")
     if "world" not in content:
         raise InputError(f"{path}: no field world; expected a planning scene with world.collision_objects")
-    found = list(scene_shapes(content, path, cylinders_as, primitives))
-    return make_scene(found, str(content.get("name") or Path(path).stem), str(path))
+    kinds = get_args(CylinderKind)
+    shapes = {kind: list(scene_shapes(content, path, kind, primitives)) for kind in kinds}
+    name, source = str(content.get("name") or Path(path).stem), str(path)
+    scene = make_scene(shapes[cylinders_as], name, source)
+    if cylinders_as != "cylinder" or not len(scene.obstacles.cylinder_radius):
+        return scene
+    caps = [
+        cap for cap, solid in zip(shapes["capsule"], shapes["cylinder"], strict=True) if isinstance(solid, Cylinder)
+    ]
+    held = (make_scene([*shapes["box"], *caps], name, source), make_scene(shapes["box"], name, source))
+    return replace(scene, larger=held)
 
 
 def read_request(path: Path | str) -> Request:

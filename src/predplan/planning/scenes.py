@@ -98,6 +98,7 @@ class Scene:
     names: tuple[str, ...]  # of each obstacle, in the order of its number
     shapes: tuple[Shape, ...] = ()  # likewise
     source: str = ""  # the file, "" if made in code
+    larger: tuple[Scene, ...] = ()  # the same with solids no smaller, the largest first; see read_scene
 
 
 def make_scene(shapes: Sequence[Shape], name: str = "scene", source: str = "") -> Scene:
