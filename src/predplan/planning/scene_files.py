@@ -75,16 +75,14 @@ def read_scene(
     content = load_yaml(path, "a planning scene with world.collision_objects")
     if "world" not in content:
         raise InputError(f"{path}: no field world; expected a planning scene with world.collision_objects")
-    kinds = get_args(CylinderKind)
-    shapes = {kind: list(scene_shapes(content, path, kind, primitives)) for kind in kinds}
+    variants = {kind: list(scene_shapes(content, path, kind, primitives)) for kind in get_args(CylinderKind)}
     name, source = str(content.get("name") or Path(path).stem), str(path)
-    scene = make_scene(shapes[cylinders_as], name, source)
+    scene = make_scene(variants[cylinders_as], name, source)
     if cylinders_as != "cylinder" or not len(scene.obstacles.cylinder_radius):
         return scene
-    caps = [
-        cap for cap, solid in zip(shapes["capsule"], shapes["cylinder"], strict=True) if isinstance(solid, Cylinder)
-    ]
-    held = (make_scene([*shapes["box"], *caps], name, source), make_scene(shapes["box"], name, source))
+    pairs = zip(variants["capsule"], variants["cylinder"], strict=True)
+    caps = [cap for cap, solid in pairs if isinstance(solid, Cylinder)]
+    held = (make_scene([*variants["box"], *caps], name, source), make_scene(variants["box"], name, source))
     return replace(scene, larger=held)
 
 
