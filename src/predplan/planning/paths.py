@@ -39,6 +39,23 @@ class Path:
             points = (1.0 - u) * points[:, :-1] + u * points[:, 1:]
         return points[:, 0]
 
+    def cut(self, parts: int) -> "Path":
+        """The same path with each piece cut into `parts` of equal length, by de Casteljau's construction."""
+        rest, pieces = self.coefficients, []
+        for part in range(parts, 1, -1):
+            u, points = 1.0 / part, rest
+            first, second = [points[:, 0]], [points[:, -1]]
+            while points.shape[1] > 1:
+                points = (1.0 - u) * points[:, :-1] + u * points[:, 1:]
+                first.append(points[:, 0])
+                second.append(points[:, -1])
+            pieces.append(np.stack(first, axis=1))
+            rest = np.stack(second[::-1], axis=1)
+        pieces.append(rest)
+        inside = self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * (np.arange(parts) / parts)
+        coefficients = np.stack(pieces, axis=1).reshape(-1, *self.coefficients.shape[1:])
+        return Path(np.append(inside.ravel(), self.breaks[-1]), coefficients)
+
 
 def quintic(breaks: FloatArray, position: FloatArray, velocity: FloatArray, acceleration: FloatArray) -> Path:
     """The C² path with given values and derivatives by s at the knots. breaks [P + 1], others [P + 1, D]."""
