@@ -198,10 +198,10 @@ def test_bad_usage(arguments: list[str], capsys: pytest.CaptureFixture[str], mon
     fails(capsys, *arguments)
 
 
-@pytest.mark.parametrize("command", [["fit"], ["tag"], ["score"]])
+@pytest.mark.parametrize("command", [["label", "fit"], ["label", "tag"], ["label", "score"], ["plan"]])
 def test_help_shows_examples(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["label", *command, "--help"]) == 0
-    assert f"predplan label {command[0]} " in capsys.readouterr().out.split("Usage:")[1].split("\n", 1)[1]
+    assert run([*command, "--help"]) == 0
+    assert f"predplan {' '.join(command)} " in capsys.readouterr().out.split("Usage:")[1].split("\n", 1)[1]
 
 
 def predplan(*arguments: str) -> "subprocess.Popen[bytes]":

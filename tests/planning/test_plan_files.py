@@ -1,19 +1,24 @@
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
 
 from predplan.artifacts import mcap
 from predplan.artifacts.provenance import Provenance
 from predplan.artifacts.recordings import Curves, JointStates
 from predplan.errors import InputError
+from predplan.planning.certificates import certify
 from predplan.planning.collisions import nearest_names
 from predplan.planning.paths import polyline, quintic
 from predplan.planning.plan_files import CEILING, FACTS, clearance_of, read_plan, write_motion, write_plan
 from predplan.planning.planner import Attempt, Plan
 from predplan.planning.robots import planar_arm
 from predplan.planning.scenes import Box, Scene, Sphere, make_scene
+from predplan.planning.timing import trajectory
 
 ROBOT = planar_arm([0.5, 0.4])
 PROVENANCE = Provenance({"method": "kernel"}, seed=1)
@@ -61,6 +66,66 @@ def test_a_plan_comes_back(tmp_path: Path, scene: Scene) -> None:
     np.testing.assert_array_equal(found.facts["path"]["coefficients"], plan.path.coefficients)
     assert found.facts["limits"]["upper"] == ROBOT.chain.upper.tolist()
     assert {solid.name for solid in found.solids} >= {"scene/ball", "scene/far"}
+
+
+def test_path_and_timing_come_back_to_the_last_bit(tmp_path: Path, scene: Scene) -> None:
+    plan = make_plan(scene)
+    write_plan(tmp_path / "a.mcap", plan, PROVENANCE)
+    found = read_plan(tmp_path / "a.mcap")
+    assert plan.path is not None
+    assert found.path is not None
+    assert found.timing is not None
+    np.testing.assert_array_equal(found.path.breaks, plan.path.breaks)
+    np.testing.assert_array_equal(found.path.coefficients, plan.path.coefficients)
+    t = np.random.default_rng(0).uniform(0, plan.duration_s, 100)
+    np.testing.assert_array_equal(trajectory(found.path, found.timing, t), plan.trajectory(t))
+    assert certify(ROBOT, scene, found.path).configurations == certify(ROBOT, scene, plan.path).configurations
+
+
+@pytest.mark.parametrize("rate", [10.0, 100.0, 333.0])
+def test_samples_stand_at_the_rate_and_at_the_end(tmp_path: Path, scene: Scene, rate: float) -> None:
+    plan = make_plan(scene)
+    write_plan(tmp_path / "a.mcap", plan, PROVENANCE, rate)
+    times = read_plan(tmp_path / "a.mcap").states.times
+    np.testing.assert_allclose(times[:-1], np.arange(len(times) - 1) / rate, atol=1e-9)
+    assert times[-1] == pytest.approx(plan.duration_s, abs=1e-9)
+    assert 0.0 < times[-1] - times[-2] <= 1 / rate + 1e-9
+
+
+def test_a_motion_that_stands_still_is_one_sample(tmp_path: Path, scene: Scene) -> None:
+    plan = make_plan(scene)
+    still = replace(plan, path=polyline(np.zeros((1, 2))))
+    write_plan(tmp_path / "a.mcap", still, PROVENANCE)
+    np.testing.assert_array_equal(read_plan(tmp_path / "a.mcap").states.position, [[0.0, 0.0]])
+
+
+def test_another_reader_finds_joints_frames_scene_and_path(tmp_path: Path, scene: Scene) -> None:
+    """MCAP's own reader and the schemas in the file are all that is needed."""
+    plan = make_plan(scene)
+    write_plan(tmp_path / "a.mcap", plan, PROVENANCE)
+    with (tmp_path / "a.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()], validate_crcs=True)
+        decoded = [
+            (schema.name if schema else "", channel.topic, message.log_time, content)
+            for schema, channel, message, content in reader.iter_decoded_messages()
+        ]
+        attachments = {one.name: one for one in reader.iter_attachments()}
+        metadata = {one.name: one.metadata for one in reader.iter_metadata()}
+    joints = [one for one in decoded if one[1] == "/joint_states"]
+    assert joints[0][0] == "foxglove.JointStates"
+    at = np.array([time for _, _, time, _ in joints]) / 1e9
+    positions = [[joint.position for joint in content.joints] for _, _, _, content in joints]
+    np.testing.assert_allclose(positions, plan.trajectory(at), atol=1e-7)
+    assert [joint.name for joint in joints[0][3].joints] == list(ROBOT.joints)
+    frames = [one for one in decoded if one[1] == "/tf"]
+    assert len(frames) == len(joints)
+    assert {frame.child_frame_id for frame in frames[0][3].transforms} == {*ROBOT.joints, "tool"}
+    assert any(name == "foxglove.SceneUpdate" for name, *_ in decoded)
+    kept = json.loads(attachments[FACTS].data)
+    assert plan.path is not None
+    np.testing.assert_array_equal(kept["path"]["coefficients"], plan.path.coefficients)
+    assert (attachments[FACTS].log_time, attachments[FACTS].create_time) == (0, 0)
+    assert metadata["provenance"]["seed"] == "1"
 
 
 def test_the_same_plan_has_the_same_bytes_however_long_it_took(tmp_path: Path, scene: Scene) -> None:
