@@ -14,7 +14,7 @@ from pydantic import TypeAdapter
 
 from predplan.artifacts.provenance import Provenance, hash_file
 from predplan.errors import InputError, PredplanError
-from stages.settings import CorpusSettings, Settings, load_settings
+from stages.settings import CorpusSettings, Settings, SuiteSettings, load_settings
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,35 @@ class CorpusStage:
         return Provenance(
             params={"corpus": self.name, **{key: plain(value) for key, value in params.items()}},
             seed=self.settings.labelling.seed,
+            upstream={path.name: hash_file(path) for path in inputs},
+        )
+
+
+@dataclass(frozen=True)
+class SuiteStage:
+    """One run of a stage of the planning branch: the settings, the suite's own, and where its artifacts lie."""
+
+    name: str
+    settings: Settings
+    suite: SuiteSettings
+
+    def folder(self, suite: str = "") -> Path:
+        """Where the artifacts of this suite, or of another, lie."""
+        return Path(self.settings.out) / "planning" / (suite or self.name)
+
+    def path(self, artifact: str) -> Path:
+        """Where an artifact of this suite lies."""
+        return self.folder() / artifact
+
+    def result(self, name: str) -> Path:
+        """Where a result of this suite lies, in the folder that holds all that the report tells."""
+        return Path(self.settings.out) / "results" / "planning" / self.name / name
+
+    def provenance(self, *inputs: Path, **params: Any) -> Provenance:
+        """Provenance of an artifact made from `inputs` with the settings `params`."""
+        return Provenance(
+            params={"suite": self.name, **{key: plain(value) for key, value in params.items()}},
+            seed=self.settings.planning.seed,
             upstream={path.name: hash_file(path) for path in inputs},
         )
 
@@ -72,4 +101,27 @@ def run_corpus_stage(work: Callable[[CorpusStage], None]) -> None:
         work(CorpusStage(arguments.corpus, settings, corpora[arguments.corpus], folder))
     except PredplanError as error:
         sys.stderr.write(f"stage {stage}@{arguments.corpus} failed: {error}\n")
+        sys.exit(2 if isinstance(error, InputError) else 1)
+
+
+def run_suite_stage(work: Callable[[SuiteStage], None]) -> None:
+    """Entry point of a stage: `python -m stages.planning.STAGE PARAMS SUITE`; exit codes as the command line's."""
+    parser = argparse.ArgumentParser(description=sys.modules[work.__module__].__doc__)
+    parser.add_argument("params", type=Path, help="params.yaml, relative to the folder the stages run in")
+    parser.add_argument("suite", help="name of a suite under planning.suites")
+    arguments = parser.parse_args()
+    stage = Path(sys.argv[0]).stem
+    try:
+        settings = load_settings(arguments.params)
+        suites: Mapping[str, SuiteSettings] = settings.planning.suites
+        known = ", ".join(suites)
+        if arguments.suite not in suites:
+            raise InputError(f"{arguments.params}: planning.suites has no {arguments.suite!r}; expected {known}")
+        steps_of = suites[arguments.suite].steps_of
+        if steps_of not in suites:
+            place = f"planning.suites.{arguments.suite}.steps_of"
+            raise InputError(f"{arguments.params}: {place} is {steps_of!r}; expected one of {known}")
+        work(SuiteStage(arguments.suite, settings, suites[arguments.suite]))
+    except PredplanError as error:
+        sys.stderr.write(f"stage {stage}@{arguments.suite} failed: {error}\n")
         sys.exit(2 if isinstance(error, InputError) else 1)

@@ -23,6 +23,7 @@ from predplan.labelling.corpora import OwnFiles, SplitSettings
 from predplan.labelling.readers import Style
 from predplan.labelling.supervised import BaselineSettings
 from predplan.labelling.training import TrainingSettings
+from predplan.planning.kinds import SuiteKind
 
 ItemName = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
 """The name of a corpus, suite or task: it becomes part of stage names and folders."""
@@ -100,6 +101,50 @@ class LabellingSettings(Component):
     """Knobs of the baselines."""
 
 
+class SuiteSettings(Component):
+    """One suite of the planning branch: problems on which all methods of its kind are compared."""
+
+    kind: SuiteKind
+    """Which problems, and which methods."""
+
+    problems: Annotated[int, Field(ge=1)]
+    """Problems the methods are compared on; tests need two at least."""
+
+    tuning: Annotated[int, Field(ge=1)]
+    """Other problems, on which each method's step is chosen."""
+
+    iterations: Annotated[int, Field(ge=1)]
+    """Iterations of every descent."""
+
+    epsilon: Annotated[float, Field(gt=0)]
+    """m: clearance at which obstacles begin to cost."""
+
+    inverse_steps: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Field(min_length=1)]
+    """λ that are tried on the tuning problems; kernels are normalised."""
+
+    steps_of: ItemName
+    """The suite on whose tuning problems steps are chosen: this one, or another to see what tuning is worth."""
+
+    timings: tuple[Annotated[int, Field(ge=2)], ...] = ()
+    """Samples of a descent with which the time of an iteration is measured, besides the methods' own."""
+
+
+class PlanningSettings(Component):
+    """The planning branch."""
+
+    suites: dict[ItemName, SuiteSettings] = {}
+    """The suites to run, by name."""
+
+    seed: int = 0
+    """Seed of all random problems."""
+
+    shrinkage: Annotated[float, Field(ge=0, lt=1)] = 0.025
+    """β/λ: the share of the trajectory's bends that an iteration takes off."""
+
+    repeats: Annotated[int, Field(ge=2)] = 20
+    """Descents whose time is measured."""
+
+
 class Settings(Component):
     """The whole of params.yaml."""
 
@@ -123,6 +168,9 @@ class Settings(Component):
 
     labelling: LabellingSettings
     """The labelling branch."""
+
+    planning: PlanningSettings = PlanningSettings()
+    """The planning branch."""
 
 
 def load_settings(path: Path) -> Settings:
