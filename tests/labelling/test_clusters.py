@@ -19,7 +19,7 @@ def statistics(dimension: int = 3) -> RawStatistics:
     count = np.array([100] * 39 + [1])
     moments = ContextMoments(words, count, ("a", "b", "c"), sparse.csr_array(np.hstack([vectors, vectors])))
     projection = np.vstack([np.eye(3, dimension), np.zeros((3, dimension))])
-    return RawStatistics(moments, {word: row for row, word in enumerate(words)}, projection)
+    return RawStatistics(moments, projection)
 
 
 def test_clusters_are_the_groups_at_each_size() -> None:

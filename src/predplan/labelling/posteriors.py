@@ -103,17 +103,13 @@ def _fit(
     lam: float,
 ) -> ContextPosteriors:
     """Some words at a time, since each takes copies of its contexts."""
-    starts = range(0, max(len(rows), 1), WORDS_AT_ONCE)
-    parts = [
-        _fit_some(moments, rows[start : start + WORDS_AT_ONCE], label_contexts, settings, labelled, lam)
-        for start in starts
-    ]
-    return ContextPosteriors(
-        rows,
-        np.concatenate([part.gamma for part in parts]),
-        np.concatenate([part.residual for part in parts]),
-        np.concatenate([part.log_ratio for part in parts]),
-    )
+    shape = (len(rows), len(label_contexts))
+    found = ContextPosteriors(rows, np.empty(shape), np.empty(len(rows)), np.empty(shape))
+    for start in range(0, len(rows), WORDS_AT_ONCE):
+        some = slice(start, start + WORDS_AT_ONCE)
+        part = _fit_some(moments, rows[some], label_contexts, settings, labelled, lam)
+        found.gamma[some], found.residual[some], found.log_ratio[some] = part.gamma, part.residual, part.log_ratio
+    return found
 
 
 def _fit_some(

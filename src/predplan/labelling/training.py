@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,8 +69,12 @@ class RawStatistics:
     """All that is learned of the raw text before any label: moments, and the projection [2C, D] to words' vectors."""
 
     moments: ContextMoments
-    word_ids: Mapping[str, int]
     projection: Floats
+
+    @cached_property
+    def word_ids(self) -> Mapping[str, int]:
+        """The row of each raw word; training alone does without, which saves its memory."""
+        return {word: row for row, word in enumerate(self.moments.vocabulary)}
 
     def vectors(self, rows: NDArray[np.int64]) -> Floats:
         """Canonical vectors [n, D] of the words in `rows` [n]."""
@@ -81,10 +86,9 @@ def raw_statistics(bigrams: BigramCounts, settings: MomentSettings, seed: int) -
     rare = settings.context_count
     classes = SpellingClasses.learn(bigrams.vocabulary, bigrams.count.tolist(), rare, settings.class_types)
     moments = context_moments(bigrams, classes, settings.context_count)
-    word_ids = {word: place for place, word in enumerate(bigrams.vocabulary)}
     if settings.vectors == 0:
-        return RawStatistics(moments, word_ids, np.zeros((moments.counts.shape[1], 0)))
-    return RawStatistics(moments, word_ids, canonical_contexts(moments, settings.vectors, seed))
+        return RawStatistics(moments, np.zeros((moments.counts.shape[1], 0)))
+    return RawStatistics(moments, canonical_contexts(moments, settings.vectors, seed))
 
 
 def find_anchors(
@@ -101,7 +105,7 @@ def find_anchors(
         tags,
         settings,
     )
-    chosen = np.zeros((len(raw.word_ids), len(tags)), np.bool_)
+    chosen = np.zeros((len(raw.moments.vocabulary), len(tags)), np.bool_)
     chosen[rows] = found.chosen
     return Anchors(chosen, found.thresholds)
 
@@ -109,7 +113,7 @@ def find_anchors(
 def known_rows(raw: RawStatistics, supervision: Supervision) -> NDArray[np.int64]:
     """Rows of the raw words that labels or dictionary know, rising."""
     known = {*supervision.labels, *supervision.dictionary}
-    return np.array(sorted(raw.word_ids[word] for word in known if word in raw.word_ids), np.int64)
+    return np.array([row for row, word in enumerate(raw.moments.vocabulary) if word in known], np.int64)
 
 
 def gather_evidence(raw: RawStatistics, contexts: ContextPosteriors) -> Evidence:
