@@ -233,6 +233,13 @@ def test_what_is_read_is_not_written_over(files: Path, capsys: pytest.CaptureFix
     assert "is a folder" in fails(capsys, files, out=files)
 
 
+def test_a_missing_package_is_named(
+    files: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "predplan.planning.plan_files", None)
+    assert "predplan[planning]" in fails(capsys, files)
+
+
 def test_methods_offered_are_those_there_are() -> None:
     hints = get_type_hints(plan_command)
     assert get_args(hints["method"]) == METHODS

@@ -52,6 +52,9 @@ def run(arguments: Sequence[str]) -> int:
         sys.stdout.flush()
     except (CycloptsError, InputError) as error:
         return _failed(error, BAD_INPUT)
+    except ModuleNotFoundError as error:
+        needed = f"the package {error.name} is not installed; pip install 'predplan[planning]' brings what plans need"
+        return _failed(PredplanError(needed), BAD_INPUT)
     except BrokenPipeError:
         # What Python would still flush at its end has nowhere to go.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
