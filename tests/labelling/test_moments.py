@@ -19,6 +19,7 @@ from predplan.labelling.moments import (
     canonical_vectors,
     context_label_moments,
     context_moments,
+    parts,
 )
 from predplan.labelling.sentences import TokenBatch
 
@@ -94,6 +95,15 @@ def test_label_contexts_average_those_of_anchors(seed: int, smoothing: float) ->
             total = sum(dense[word, side] for word in np.flatnonzero(chosen[:, tag])) + smoothing * q[side]
             np.testing.assert_allclose(found[tag, side], total / total.sum())
     assert smoothing == 0.0 or (found[:, q > 0] > 0).all()
+
+
+@given(lengths=st.lists(st.integers(0, 9), max_size=12), size=st.integers(1, 12))
+def test_parts_cover_the_rows_in_order_and_hold_few_counts(lengths: list[int], size: int) -> None:
+    counts = sparse.csr_array((np.arange(9) < np.array(lengths, int).reshape(-1, 1)).astype(float))
+    rows = np.flatnonzero(np.arange(len(lengths)) % 3)
+    found = [rows[some] for some in parts(counts, rows, size)]
+    np.testing.assert_array_equal(np.concatenate([*found, []]), rows)
+    assert all(counts[some].nnz < size + 2 * 9 for some in found)
 
 
 def test_empty_sides_stay_zero() -> None:

@@ -6,8 +6,9 @@ spelling, so every context is seen often enough to be measured.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import compress
+from itertools import compress, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +72,14 @@ def _grouped(counts: sparse.csr_array, column: NDArray[np.int32], rows: int, wid
     grouped = sparse.csr_array(moved, shape=(rows, width))
     grouped.sum_duplicates()
     return grouped
+
+
+def parts(counts: sparse.csr_array, rows: NDArray[np.int64], size: int = 1 << 21) -> Iterator[slice]:
+    """Slices of `rows` whose rows hold about `size` counts each: work on a slice at a time copies no more than that."""
+    ends = np.cumsum(np.diff(counts.indptr)[rows])
+    cuts = np.searchsorted(ends, np.arange(size, ends[-1], size)).tolist() if len(rows) else []
+    for first, last in pairwise([0, *dict.fromkeys(cut for cut in cuts if cut), len(rows)]):
+        yield slice(first, last)
 
 
 def by_side(counts: Floats) -> Floats:

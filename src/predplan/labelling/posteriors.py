@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from predplan.labelling.mixtures import fit_mixtures
-from predplan.labelling.moments import ContextMoments, canonical_contexts, context_label_moments
+from predplan.labelling.moments import ContextMoments, canonical_contexts, context_label_moments, parts
 from predplan.labelling.simplex import Solver, simplex_posteriors
 
 Floats = NDArray[np.float64]
 Loss = Literal["kl", "ls"]
 TOLERANCE = 1e-9
-WORDS_AT_ONCE = 1 << 16
 PROJECTION_SEED = 0
 
 
@@ -102,12 +101,12 @@ def _fit(
     labelled: Floats | None,
     lam: float,
 ) -> ContextPosteriors:
-    """Some words at a time, since each takes copies of its contexts."""
     shape = (len(rows), len(label_contexts))
     found = ContextPosteriors(rows, np.empty(shape), np.empty(len(rows)), np.empty(shape))
-    for start in range(0, len(rows), WORDS_AT_ONCE):
-        some = slice(start, start + WORDS_AT_ONCE)
-        part = _fit_some(moments, rows[some], label_contexts, settings, labelled, lam)
+    projected = settings.loss == "ls" and settings.projection > 0
+    projection = canonical_contexts(moments, settings.projection, PROJECTION_SEED) if projected else None
+    for some in parts(moments.counts, rows):
+        part = _fit_some(moments, rows[some], label_contexts, settings, projection, labelled, lam)
         found.gamma[some], found.residual[some], found.log_ratio[some] = part.gamma, part.residual, part.log_ratio
     return found
 
@@ -117,6 +116,7 @@ def _fit_some(
     rows: NDArray[np.int64],
     label_contexts: Floats,
     settings: PosteriorSettings,
+    projection: Floats | None,
     labelled: Floats | None,
     lam: float,
 ) -> ContextPosteriors:
@@ -133,8 +133,7 @@ def _fit_some(
     seen = times > 0
     frequency = label_counts / np.maximum(times, 1.0)[:, None]
     if settings.loss == "ls":
-        if settings.projection:
-            projection = canonical_contexts(moments, settings.projection, PROJECTION_SEED)
+        if projection is not None:
             projected = label_contexts @ projection
             gram, linear = projected @ projected.T, (counts @ (projection @ projected.T)) * 2 / totals
         else:

@@ -27,12 +27,11 @@ from predplan.labelling.lexicon import (
 )
 from predplan.labelling.loglinear import fit_emissions, mean_parameters
 from predplan.labelling.models import ChainModel, Clusters, FeatureHiddenMarkovModel, describe, identity_features
-from predplan.labelling.moments import ContextMoments, canonical_contexts, canonical_vectors, context_moments
+from predplan.labelling.moments import ContextMoments, canonical_contexts, canonical_vectors, context_moments, parts
 from predplan.labelling.posteriors import ContextPosteriors, PosteriorSettings, cross_fitted_posteriors
 from predplan.labelling.sentences import LabelledCorpus, label_counts
 
 Floats = NDArray[np.float64]
-WORDS_AT_ONCE = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -123,8 +122,7 @@ def gather_evidence(raw: RawStatistics, contexts: ContextPosteriors) -> Evidence
     values = np.empty((len(count), 2 * states + raw.projection.shape[1]), np.float32)
     values[:, :states] = contexts.gamma * trust
     values[:, states : 2 * states] = contexts.log_ratio * (0.5 * trust)
-    for start in range(0, len(count), WORDS_AT_ONCE):
-        some = slice(start, start + WORDS_AT_ONCE)
+    for some in parts(raw.moments.counts, contexts.rows):
         values[some, 2 * states :] = raw.vectors(contexts.rows[some]) * trust[some]
     word_ids = {raw.moments.vocabulary[row]: place for place, row in enumerate(contexts.rows.tolist())}
     return Evidence(word_ids, count, values)
