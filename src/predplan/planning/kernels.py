@@ -272,7 +272,7 @@ def normalise(kernel: Kernel, samples: int = 513) -> Kernel:
 
 def diagonal(kernel: Kernel, t: FloatArray) -> FloatArray:
     """k(t, t) [n] for t [n]."""
-    return np.array([kernel.gram(one, one)[0, 0] for one in t[:, None]])
+    return np.diag(kernel.gram(t, t)).copy()
 
 
 def joint_interaction(jacobians: Sequence[FloatArray], epsilon: float) -> FloatArray:

@@ -229,8 +229,8 @@ class Planner:
         began = time.perf_counter()
         if method not in METHODS:
             raise InputError(f"method is {method!r}; expected one of {', '.join(METHODS)}")
-        if not budget > 0.0:
-            raise InputError(f"budget is {budget} s; expected more than 0")
+        if not 0.0 < budget < np.inf:
+            raise InputError(f"budget is {budget} s; expected more than 0, and an end")
         start = self._configuration(scene, "start", start)
         goal = self._configuration(scene, "goal", goal)
         chain = self.robot.chain

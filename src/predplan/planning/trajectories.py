@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from predplan.planning.kernels import Kernel
+from predplan.planning.kernels import Kernel, diagonal
 from predplan.planning.robots import FloatArray, IntArray
 
 
@@ -138,5 +138,4 @@ def compress(trajectory: Trajectory, tolerance: float) -> Compressed:
 
 def _largest_representer(trajectory: Trajectory) -> float:
     times = np.linspace(0.0, 1.0, 513)
-    diagonal = np.array([trajectory.kernel.gram(t, t)[0, 0] for t in times[:, None]])
-    return float(np.sqrt(max(diagonal.max(), 0.0) * np.diag(trajectory.joint).max()))
+    return float(np.sqrt(max(diagonal(trajectory.kernel, times).max(), 0.0) * np.diag(trajectory.joint).max()))
