@@ -170,7 +170,7 @@ def lever_bounds(chain: Chain) -> FloatArray:
     return lever
 
 
-def enclosing_sphere(centres: FloatArray, radii: FloatArray, steps: int = 1000) -> tuple[FloatArray, float]:
+def enclosing_sphere(centres: FloatArray, radii: FloatArray, steps: int = 200) -> tuple[FloatArray, float]:
     """A nearly smallest sphere that holds spheres (centres [n, 3], radii [n]), by Bădoiu and Clarkson's iteration."""
     if not len(radii):
         return np.zeros(3), 0.0
