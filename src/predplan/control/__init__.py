@@ -1,0 +1,1 @@
+"""Recurrent predictive-state policies: filters learned by regression, policies that act on their states (chapter 5)."""

@@ -1,0 +1,332 @@
+"""Filters of predictive states: what all of them offer, and the linear one, compiled.
+
+A filter's state q_t says what is expected of the observations from o_t on, whatever actions are taken. It is updated
+by an action and the observation that it led to; where that observation is missing, by the action alone. States stay
+finite: a step that would not be is skipped, and counted.
+
+The linear filter is a Kalman filter in innovation form. With all observations seen, a stationary process is
+
+    q' = A q + B a + c + K e,    o = C q + D a + d + e,    e ~ N(0, S),
+
+and q, the steady-state filter's own mean, is known exactly. Any filter that has seen less has a covariance P of the
+difference. As the innovation form has the second moments of the process, whatever noise there is behind it, the best
+linear filter is the Kalman filter of this very system, whose noises K e and e are fully correlated:
+
+    S_t = C P C' + S,    K_t = (A P C' + K S) S_t⁻¹,    P' = (A - K_t C) P (A - K_t C)' + (K - K_t) S (K - K_t)'.
+
+Where o is missing K_t = 0 and P grows; after it K_t is larger than K; and with all seen P goes to 0 and K_t to K. No
+noise covariances of the unknown system need to be told apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numba import njit
+
+from predplan.control.tasks import BoolArray, FloatArray, IntArray
+from predplan.control.trajectories import Trajectories
+
+SETTLED = 1e-11
+"""Share of P in the innovations' covariance below which P counts as 0: it moves predictions by less than 1e-10."""
+
+
+@dataclass(frozen=True)
+class FilterState:
+    """States of n copies."""
+
+    mean: FloatArray  # [n, p] q
+    covariance: FloatArray  # [n, p, p] P; [n, 0, 0] where a filter has none
+    skipped: IntArray  # [n] steps that were skipped since the start: their numbers were not finite
+
+    def take(self, rows: IntArray | BoolArray) -> FilterState:
+        """Those copies."""
+        return FilterState(self.mean[rows], self.covariance[rows], self.skipped[rows])
+
+    def put(self, rows: IntArray | BoolArray, other: FilterState) -> FilterState:
+        """The same with those copies in the states of another."""
+        mean, covariance, skipped = self.mean.copy(), self.covariance.copy(), self.skipped.copy()
+        mean[rows], covariance[rows], skipped[rows] = other.mean, other.covariance, other.skipped
+        return FilterState(mean, covariance, skipped)
+
+
+class PredictiveModel(Protocol):
+    """What learned a filter. Observations are in the task's units, actions in [-1, 1]; all functions are pure."""
+
+    @property
+    def state_size(self) -> int:
+        """p."""
+
+    @property
+    def observation_size(self) -> int:
+        """O."""
+
+    def initial(self, copies: int) -> FilterState:
+        """States before o_0."""
+
+    def update(self, state: FilterState, action: FloatArray, observation: FloatArray) -> FilterState:
+        """q' of q, a [n, A] and o [n, O]; rows of o that are not finite are missing."""
+
+    def predict(self, state: FilterState, action: FloatArray) -> FloatArray:
+        """E[o | q, a] [n, O]."""
+
+
+@dataclass(frozen=True)
+class LinearFilter:
+    """The linear filter's parameters, of standardised observations (o - shift) / scale."""
+
+    A: FloatArray  # [p, p]
+    B: FloatArray  # [p, A]
+    c: FloatArray  # [p]
+    K: FloatArray  # [p, O]
+    C: FloatArray  # [O, p]
+    D: FloatArray  # [O, A]
+    d: FloatArray  # [O]
+    S: FloatArray  # [O, O] covariance of innovations
+    initial_mean: FloatArray  # [p] of q_0
+    initial_covariance: FloatArray  # [p, p]
+    limit: float  # |q| is clipped here
+    shift: FloatArray  # [O] m, rad
+    scale: FloatArray  # [O] m, rad
+
+    @property
+    def state_size(self) -> int:
+        """p."""
+        return len(self.A)
+
+    @property
+    def observation_size(self) -> int:
+        """O."""
+        return len(self.C)
+
+    def initial(self, copies: int) -> FilterState:
+        """q_0 and its covariance, before o_0."""
+        return FilterState(
+            np.tile(self.initial_mean, (copies, 1)),
+            np.tile(self.initial_covariance, (copies, 1, 1)),
+            np.zeros(copies, np.int64),
+        )
+
+    def update(self, state: FilterState, action: FloatArray, observation: FloatArray) -> FilterState:
+        """One step of the Kalman filter."""
+        mean, covariance, skipped = state.mean.copy(), state.covariance.copy(), state.skipped.copy()
+        scaled = np.ascontiguousarray((observation - self.shift) / self.scale)
+        _update_rows(self.arrays(), mean, covariance, skipped, np.ascontiguousarray(action, np.float64), scaled)
+        return FilterState(mean, covariance, skipped)
+
+    def predict(self, state: FilterState, action: FloatArray) -> FloatArray:
+        """C q + D a + d, in the task's units."""
+        scaled = state.mean @ self.C.T + action @ self.D.T + self.d
+        predicted: FloatArray = scaled * self.scale + self.shift
+        return predicted
+
+    def arrays(self) -> tuple[FloatArray, ...]:
+        """Parameters as compiled code takes them."""
+        bound = np.array([self.limit])
+        arrays = (self.A, self.B, self.c, self.K, self.C, self.D, self.d, self.S, bound)
+        return tuple(np.ascontiguousarray(one, np.float64) for one in arrays)
+
+
+@dataclass(frozen=True)
+class Filtered:
+    """A filter's way through trajectories of n rows."""
+
+    state: FloatArray  # [n, p] q_t, before o_t; what is known of q_t is what came up to t - 1
+    after: FloatArray  # [n, p] q_{t + 1}, which o_t is part of: what a policy acts on
+    prediction: FloatArray  # [n, O] of o_t given q_t and a_t
+    skipped: int  # steps that were skipped
+
+
+def filter_trajectories(model: PredictiveModel, trajectories: Trajectories) -> Filtered:
+    """Filter all trajectories side by side."""
+    n, longest = len(trajectories.observation), int(trajectories.lengths.max())
+    before = np.empty((n, model.state_size))
+    after, prediction = np.empty_like(before), np.empty((n, model.observation_size))
+    # Longest first: those still running are the first of them.
+    order = np.argsort(-trajectories.lengths, kind="stable")
+    first, lengths = trajectories.first[:-1][order], trajectories.lengths[order]
+    state, skipped = model.initial(len(order)), 0
+    for step in range(longest):
+        running = int(np.searchsorted(-lengths, -step, side="left"))
+        if running < len(state.mean):
+            skipped += int(state.skipped[running:].sum())
+            state = state.take(np.arange(running))
+        rows = first[:running] + step
+        action = trajectories.action[rows]
+        before[rows], prediction[rows] = state.mean, model.predict(state, action)
+        state = model.update(state, action, trajectories.observation[rows])
+        after[rows] = state.mean
+    return Filtered(before, after, prediction, skipped + int(state.skipped.sum()))
+
+
+@njit(cache=True, error_model="numpy")
+def _update_rows(
+    model: tuple[FloatArray, ...],
+    mean: FloatArray,
+    covariance: FloatArray,
+    skipped: IntArray,
+    action: FloatArray,
+    observation: FloatArray,
+) -> None:
+    """Update all copies in place: q' = A q + B a + c + K_t (o - C q - D a - d)."""
+    A, B, c, K, C, D, d, S, bound = model
+    n, p = mean.shape
+    o, limit = len(d), bound[0]
+    moved, innovation, grown = np.empty(p), np.empty(o), np.empty((p, p))
+    for i in range(n):
+        q, P = mean[i], covariance[i]
+        seen = True
+        for j in range(o):
+            innovation[j] = observation[i, j] - d[j]
+            for k in range(p):
+                innovation[j] -= C[j, k] * q[k]
+            for k in range(D.shape[1]):
+                innovation[j] -= D[j, k] * action[i, k]
+            seen = seen and np.isfinite(innovation[j])
+        unsure = not _settled(P, S, C)
+        gain = _gain(A, K, C, S, P) if seen and unsure else K
+        for j in range(p):
+            moved[j] = c[j]
+            for k in range(p):
+                moved[j] += A[j, k] * q[k]
+            for k in range(B.shape[1]):
+                moved[j] += B[j, k] * action[i, k]
+            if seen:
+                for k in range(o):
+                    moved[j] += gain[j, k] * innovation[k]
+        _grow(A, K, C, S, P, gain, seen, unsure, grown)
+        square, trace = 0.0, 0.0
+        for j in range(p):
+            square += moved[j] * moved[j]
+            trace += grown[j, j]
+        if not (np.isfinite(square) and np.isfinite(trace)):
+            skipped[i] += 1
+            continue
+        # A state is never farther from another than the clipped ball is wide.
+        shrink = min(1.0, limit / max(np.sqrt(square), 1e-300))
+        fit = min(1.0, 4.0 * limit * limit / max(trace, 1e-300))
+        for j in range(p):
+            q[j] = shrink * moved[j]
+            for k in range(p):
+                P[j, k] = fit * grown[j, k]
+
+
+@njit(cache=True, error_model="numpy")
+def _settled(P: FloatArray, S: FloatArray, C: FloatArray) -> bool:
+    """Whether P is 0 as far as predictions go."""
+    p = len(P)
+    trace = 0.0
+    for j in range(p):
+        trace += P[j, j]
+    if trace == 0.0:
+        return True
+    if trace > 1e-6:
+        return False
+    least, most = np.inf, 0.0
+    for j in range(len(S)):
+        least = min(least, S[j, j])
+        for k in range(p):
+            most = max(most, C[j, k] * C[j, k])
+    return bool(trace * max(most, 1.0) < SETTLED * least)
+
+
+@njit(cache=True, error_model="numpy")
+def _gain(A: FloatArray, K: FloatArray, C: FloatArray, S: FloatArray, P: FloatArray) -> FloatArray:
+    """K_t = (A P C' + K S) (C P C' + S)⁻¹, by Cholesky's factors."""
+    p, o = K.shape
+    PC, total, right = np.empty((p, o)), np.empty((o, o)), np.empty((p, o))
+    for j in range(p):
+        for k in range(o):
+            value = 0.0
+            for m in range(p):
+                value += P[j, m] * C[k, m]
+            PC[j, k] = value
+    for j in range(o):
+        for k in range(o):
+            value = S[j, k]
+            for m in range(p):
+                value += C[j, m] * PC[m, k]
+            total[j, k] = value
+    for j in range(p):
+        for k in range(o):
+            value = 0.0
+            for m in range(p):
+                value += A[j, m] * PC[m, k]
+            for m in range(o):
+                value += K[j, m] * S[m, k]
+            right[j, k] = value
+    for j in range(o):  # total = L L', in place
+        for k in range(j + 1):
+            value = total[j, k]
+            for m in range(k):
+                value -= total[j, m] * total[k, m]
+            if j == k:
+                total[j, j] = np.sqrt(value)
+            else:
+                total[j, k] = value / total[k, k]
+    for j in range(p):
+        for k in range(o):
+            value = right[j, k]
+            for m in range(k):
+                value -= right[j, m] * total[k, m]
+            right[j, k] = value / total[k, k]
+        for k in range(o - 1, -1, -1):
+            value = right[j, k]
+            for m in range(k + 1, o):
+                value -= right[j, m] * total[m, k]
+            right[j, k] = value / total[k, k]
+    return right
+
+
+@njit(cache=True, error_model="numpy")
+def _grow(
+    A: FloatArray,
+    K: FloatArray,
+    C: FloatArray,
+    S: FloatArray,
+    P: FloatArray,
+    gain: FloatArray,
+    seen: bool,
+    unsure: bool,
+    grown: FloatArray,
+) -> None:
+    """Fill grown with P'; with nothing seen K_t is 0."""
+    p, o = K.shape
+    if seen and not unsure:
+        grown[:] = 0.0
+        return
+    closed, excess = np.empty((p, p)), np.empty((p, o))
+    half = np.zeros((p, p))
+    for j in range(p):
+        for k in range(o):
+            excess[j, k] = K[j, k] - gain[j, k] if seen else K[j, k]
+        for k in range(p):
+            value = A[j, k]
+            if seen:
+                for m in range(o):
+                    value -= gain[j, m] * C[m, k]
+            closed[j, k] = value
+    if unsure:
+        for j in range(p):
+            for m in range(p):
+                value = closed[j, m]
+                for k in range(p):
+                    half[j, k] += value * P[m, k]
+    weighted = np.empty((p, o))
+    for j in range(p):
+        for k in range(o):
+            value = 0.0
+            for m in range(o):
+                value += excess[j, m] * S[m, k]
+            weighted[j, k] = value
+    for j in range(p):
+        for k in range(j + 1):
+            value = 0.0
+            for m in range(p):
+                value += half[j, m] * closed[k, m]
+            for m in range(o):
+                value += weighted[j, m] * excess[k, m]
+            grown[j, k] = value
+            grown[k, j] = value
