@@ -22,7 +22,7 @@ from predplan.errors import InputError
 from predplan.labelling.sentences import TokenBatch
 
 EDGE = -1
-MEMORY_LIMIT = "768MB"
+MEMORY_LIMIT = "512MB"
 
 
 @dataclass(frozen=True)
