@@ -15,12 +15,17 @@ from predplan.artifacts.tables import TableSchema, read_table
 from predplan.errors import InputError, PredplanError
 from predplan.labelling.methods import UNTIMED
 from predplan.labelling.tables import ABLATIONS, COMPARISONS, CONFUSION, COSTS, CURVE, SCORES, TAG_SCORES, TAGGED
+from predplan.planning.tables import COMPARISONS as TESTS
+from predplan.planning.tables import CURVES as COST_CURVES
+from predplan.planning.tables import EXAMPLE, FIELD, OUTCOMES, STEPS, TIMES
 from predplan.reporting.document import Section
 from predplan.reporting.labelling.results import CorpusResults
 from predplan.reporting.labelling.section import labelling_section
 from predplan.reporting.markdown import all_figures, to_markdown
 from predplan.reporting.page import to_page
-from stages.settings import CorpusSettings, load_settings
+from predplan.reporting.planning.results import SuiteResults
+from predplan.reporting.planning.section import planning_section
+from stages.settings import CorpusSettings, SuiteSettings, load_settings
 
 TITLE = "predplan"
 SUMMARY = (
@@ -35,7 +40,9 @@ def main(params: Path, out: Path) -> None:
     corpora = [read_results(folder / name, name, corpus) for name, corpus in settings.labelling.corpora.items()]
     if not corpora:
         raise InputError(f"{params}: labelling.corpora is empty; expected one corpus at least")
-    write_report(out, [labelling_section(corpora)])
+    planned = Path(settings.out) / "results" / "planning"
+    suites = [read_suite(planned / name, name, suite) for name, suite in settings.planning.suites.items()]
+    write_report(out, [labelling_section(corpora), planning_section(suites)])
 
 
 def read_results(folder: Path, name: str, settings: CorpusSettings) -> CorpusResults:
@@ -65,6 +72,24 @@ def read_results(folder: Path, name: str, settings: CorpusSettings) -> CorpusRes
     if not results.scores or not results.tagged:
         raise InputError(f"{folder}: no method was scored; run again: dvc repro evaluate@{name}")
     return results
+
+
+def read_suite(folder: Path, name: str, settings: SuiteSettings) -> SuiteResults:
+    """One suite's results. Raises InputError, which names the stage to run again, where one is missing or broken."""
+    tables = {
+        schema.name: _rows(folder / f"{schema.name}.parquet", replace(schema, stage=f"compare@{name}"))
+        for schema in (COST_CURVES, TESTS, EXAMPLE, FIELD, OUTCOMES, TIMES, STEPS)
+    }
+    return SuiteResults(
+        name=name,
+        kind=settings.kind,
+        problems=settings.problems,
+        tuning=settings.tuning,
+        iterations=settings.iterations,
+        epsilon=settings.epsilon,
+        steps_of=settings.steps_of,
+        **tables,
+    )
 
 
 def write_report(out: Path, systems: Sequence[Section]) -> None:

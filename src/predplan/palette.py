@@ -12,6 +12,8 @@ GREEN, DEEP_GREEN = "#12a37a", "#0e8a68"
 BLUE, SKY, DEEP_BLUE = "#3b9ede", "#7cc0ea", "#1f72b8"
 VERMILLION, ROSE = "#d55e00", "#cc79a7"
 
+BROWN, YELLOW, DEEP_ROSE = "#8c5a2b", "#bfa500", "#a3447b"
+
 METHOD_COLOURS = {
     "supervised-addone": LIGHT_GREY,
     "supervised": GREY,
@@ -40,6 +42,29 @@ METHOD_COLOURS = {
     "crf-clusters-posteriors": VERMILLION,
     "crf-all-posteriors": VERMILLION,
     "crf-all-clusters-posteriors": VERMILLION,
+    "grbf": VERMILLION,
+    "grbf-narrow": ROSE,
+    "grbf-narrow-large": ROSE,
+    "grbf-middle": ROSE,
+    "grbf-body": DEEP_ROSE,
+    "grbf-der": YELLOW,
+    "grbf-jj": ORANGE,
+    "grbf-waypoints": DEEP_ROSE,
+    "grbf-narrow-waypoints": DEEP_ROSE,
+    "grbf-quadrature": SLATE,
+    "grbf-narrow-quadrature": SLATE,
+    "laplacian": GREEN,
+    "laplacian-narrow": GREEN,
+    "b-spline": BROWN,
+    "b-spline-narrow": BROWN,
+    "waypoints-velocity": SKY,
+    "waypoints-velocity-large": SKY,
+    "waypoints-acceleration": DEEP_BLUE,
+    "waypoints-acceleration-large": DEEP_BLUE,
+    "waypoints-few": GREY,
+    "chomp-velocity": BLUE,
+    "chomp-acceleration": DEEP_BLUE,
+    "chomp-path": SLATE,
 }
 
 MISTAKE = VERMILLION

@@ -25,5 +25,5 @@ def tuned_methods(stage: SuiteStage) -> list[Method]:
         source = method.step_of or method.name
         if source not in steps:
             raise InputError(f"{path}: no step of {source}; expected the steps of a suite with the same methods")
-        tuned.append(replace(method, inverse_step=steps[source]))
+        tuned.append(replace(method, inverse_step=steps[source] / method.step_factor))
     return tuned

@@ -62,6 +62,7 @@ class Method:
     inverse_step: float = 1.0  # λ, where it is not tuned
     tuned_at: int = 0  # the iteration by whose costs λ is tuned; 0 is the last
     step_of: str = ""  # a method whose λ it takes
+    step_factor: float = 1.0  # how many times as long its steps are as those that were chosen
 
     @property
     def beta(self) -> float:
@@ -116,21 +117,25 @@ def methods_of(kind: SuiteKind) -> tuple[Method, ...]:
 
 
 def _maze_methods() -> tuple[Method, ...]:
-    """Five sections; "large" steps are the ones best after five iterations of the narrow Gaussian."""
+    """Five sections; "large" steps are twice those that are best after five iterations of the narrow Gaussian."""
     narrow = Method("grbf-narrow", f"Gaussian σ={NARROW}", "gaussian", NARROW, sections=5, samples=100, tuned_at=5)
     velocity = Method("waypoints-velocity", "waypoints, velocity", "waypoints-velocity", sections=5, samples=100)
-    acceleration = replace(
-        velocity, name="waypoints-acceleration", label="waypoints, acceleration", kernel="waypoints-acceleration"
+    acceleration = Method(
+        "waypoints-acceleration", "waypoints, acceleration", "waypoints-acceleration", sections=5, samples=100
     )
-    large = {"step_of": narrow.name}
+    same = replace(narrow, step_of=narrow.name)
+    large = {"step_of": narrow.name, "step_factor": 2.0}
     return (
         replace(narrow, name="grbf", label=f"Gaussian σ={WIDE}", width=WIDE),
         narrow,
-        replace(velocity, name="waypoints-velocity-large", label="waypoints, velocity, large steps", **large),
         velocity,
-        replace(acceleration, name="waypoints-acceleration-large", label="waypoints, accel., large steps", **large),
         acceleration,
         replace(velocity, name="waypoints-few", label="5 waypoints, velocity", samples=5),
+        replace(same, name="b-spline-narrow", label=f"B-spline h={NARROW}", kernel="b-spline"),
+        replace(same, name="laplacian-narrow", label=f"Laplacian σ={NARROW}", kernel="laplacian"),
+        replace(narrow, name="grbf-narrow-large", label=f"Gaussian σ={NARROW}, large", **large),
+        replace(velocity, name="waypoints-velocity-large", label="waypoints, vel., large", **large),
+        replace(acceleration, name="waypoints-acceleration-large", label="waypoints, acc., large", **large),
     )
 
 

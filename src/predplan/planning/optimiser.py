@@ -20,6 +20,8 @@ from predplan.planning.trajectories import functional_gram
 MAXIMUM_POINT, MAXIMUM_BODY, INTEGRAL, PATH_INTEGRAL = range(4)
 """How costs over time and body become one number (§4.6): the worst (time, body point) of each section, the body's sum
 at the worst time of each section, Gauss-Legendre's integral over time, the same weighted by ‖ξ̇‖ (Eq. 4.22)."""
+ROUNDS = 40
+"""Most times that the active set of limits grows in an iteration."""
 
 
 class Space(NamedTuple):
@@ -207,15 +209,16 @@ def meet_limits(
     """Project f onto {lower <= line + f <= upper} in the space's norm (Eqs. 4.16-4.19, with the signs mended).
 
     An active set grows by the worst violation of each joint and loses constraints whose multiplier turns negative,
-    which Eq. 4.19 does not enforce. Without a violation nothing is computed.
+    which Eq. 4.19 does not enforce. Without a violation nothing is computed. If the set does not settle, f is shrunk
+    until the bounds hold, as they do for a line within limits.
     """
     functionals, joints = line.shape
-    limit = 12 * joints
+    limit = ROUNDS * joints
     rows, columns = np.empty(limit, np.int64), np.empty(limit, np.int64)
     signs, targets = np.empty(limit), np.empty(limit)
     count = 0
     free, free_coefficients = deviations.copy(), coefficients.copy()
-    for _ in range(12):
+    for _ in range(ROUNDS):
         added = False
         for d in range(joints):
             worst, row, sign = 1e-8, -1, 0.0
@@ -255,3 +258,13 @@ def meet_limits(
             for f in range(functionals):
                 for d in range(joints):
                     deviations[f, d] -= signs[i] * multipliers[i] * space.gram[f, rows[i]] * space.joint[columns[i], d]
+    share = 1.0
+    for f in range(functionals):
+        for d in range(joints):
+            value = deviations[f, d]
+            if line[f, d] + value > upper[f, d] and value > 0.0:
+                share = min(share, max(0.0, (upper[f, d] - line[f, d]) / value))
+            elif line[f, d] + value < lower[f, d] and value < 0.0:
+                share = min(share, max(0.0, (lower[f, d] - line[f, d]) / value))
+    deviations *= share
+    coefficients *= share

@@ -30,12 +30,12 @@ MAZE_ENDS = (0.04, 0.50), (0.96, 0.50)
 """m: start and goal of the first maze problem; later ones start and end up to MAZE_SPREAD above or below."""
 MAZE_SPREAD = 0.03
 ARM_LENGTHS, ARM_RADIUS = (0.4, 0.35, 0.25), 0.025
-ARM_START, ARM_GOAL = np.array([0.15, 0.25, 0.2]), np.array([2.45, 0.2, 0.3])
-DISCS, DISC_RADII, DISC_REACH = 12, (0.04, 0.1), (0.95, 1.25)
+ARM_START, ARM_GOAL = np.array([-0.35, 0.8, 0.65]), np.array([2.1, 0.7, 0.75])
+DISCS, DISC_RADII, DISC_REACH = 12, (0.03, 0.08), (0.8, 1.15)
 """How many discs, their radii (m), and how far from the arm's base their centres are (m)."""
 ENDS_CLEAR = 0.02
 """m: start and goal of every problem keep this clear of obstacles."""
-ATTEMPTS = 200_000
+ATTEMPTS = 2_000
 REACH, RESOLUTION, SEARCH = 0.7, 0.05, 2000
 """Longest motion and its resolution (rad or m), and iterations, of the search that tells whether there is a way."""
 CHECKED = 200
@@ -69,7 +69,7 @@ def maze_problems(count: int, generator: np.random.Generator) -> list[Problem]:
 def planar_problems(count: int, generator: np.random.Generator) -> list[Problem]:
     """A 3-joint arm among 12 random discs, with one start and goal for all (§4.7.1); the straight line always collides.
 
-    Discs lie where the stretched arm's end passes: an arm in the plane gets by them only by folding.
+    Discs lie where the arm's end passes, which is bent: the stretched arm is singular, and no gradient folds it.
     """
     robot = planar_arm(ARM_LENGTHS, ARM_RADIUS)
     problems = []

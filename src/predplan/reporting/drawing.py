@@ -86,10 +86,12 @@ def label_ends(
     if not ends:
         return
     order = sorted(range(len(ends)), key=lambda index: (ends[index][1], index))
-    low, high = axes.get_ylim()
+    scale = axes.yaxis.get_transform()  # on a logarithmic axis names keep apart by their logarithms
+    low, high = scale.transform(np.array(axes.get_ylim())).tolist()
     # Constrained layout has not run yet; axes take about .82 of the figure's height.
     gap = gap_points / 72 / (canvas.get_figheight() * 0.82) * (high - low)
-    places = spread_out(np.array([ends[index][1] for index in order]), gap, low, high)
+    targets = scale.transform(np.array([ends[index][1] for index in order]))
+    places = scale.inverted().transform(spread_out(targets, gap, low, high))
     right = max(x for x, *_ in ends)
     for place, index in zip(places.tolist(), order, strict=True):
         x, y, name, colour = ends[index]
