@@ -235,28 +235,29 @@ def _settled(P: FloatArray, S: FloatArray, C: FloatArray) -> bool:
 @njit(cache=True, error_model="numpy")
 def _gain(A: FloatArray, K: FloatArray, C: FloatArray, S: FloatArray, P: FloatArray) -> FloatArray:
     """K_t = (A P C' + K S) (C P C' + S)⁻¹, by Cholesky's factors."""
+    # Sums run along rows, term by term, so that they are vectorised without changing their order.
     p, o = K.shape
-    PC, total, right = np.empty((p, o)), np.empty((o, o)), np.empty((p, o))
+    PC, total, right = np.zeros((p, o)), S.copy(), np.zeros((p, o))
+    Ct = C.T.copy()
     for j in range(p):
-        for k in range(o):
-            value = 0.0
-            for m in range(p):
-                value += P[j, m] * C[k, m]
-            PC[j, k] = value
+        for m in range(p):
+            value = P[j, m]
+            for k in range(o):
+                PC[j, k] += value * Ct[m, k]
     for j in range(o):
-        for k in range(o):
-            value = S[j, k]
-            for m in range(p):
-                value += C[j, m] * PC[m, k]
-            total[j, k] = value
+        for m in range(p):
+            value = C[j, m]
+            for k in range(o):
+                total[j, k] += value * PC[m, k]
     for j in range(p):
-        for k in range(o):
-            value = 0.0
-            for m in range(p):
-                value += A[j, m] * PC[m, k]
-            for m in range(o):
-                value += K[j, m] * S[m, k]
-            right[j, k] = value
+        for m in range(p):
+            value = A[j, m]
+            for k in range(o):
+                right[j, k] += value * PC[m, k]
+        for m in range(o):
+            value = K[j, m]
+            for k in range(o):
+                right[j, k] += value * S[m, k]
     for j in range(o):  # total = L L', in place
         for k in range(j + 1):
             value = total[j, k]
@@ -297,36 +298,17 @@ def _grow(
     if seen and not unsure:
         grown[:] = 0.0
         return
-    closed, excess = np.empty((p, p)), np.empty((p, o))
-    half = np.zeros((p, p))
-    for j in range(p):
-        for k in range(o):
-            excess[j, k] = K[j, k] - gain[j, k] if seen else K[j, k]
-        for k in range(p):
-            value = A[j, k]
-            if seen:
-                for m in range(o):
-                    value -= gain[j, m] * C[m, k]
-            closed[j, k] = value
-    if unsure:
+    closed, excess = A.copy(), K.copy()
+    if seen:
         for j in range(p):
-            for m in range(p):
-                value = closed[j, m]
+            for m in range(o):
+                value = gain[j, m]
+                excess[j, m] -= value
                 for k in range(p):
-                    half[j, k] += value * P[m, k]
-    weighted = np.empty((p, o))
+                    closed[j, k] -= value * C[m, k]
+    grown[:] = np.dot(np.dot(excess, S), excess.T)
+    if unsure:
+        grown += np.dot(np.dot(closed, P), closed.T)
     for j in range(p):
-        for k in range(o):
-            value = 0.0
-            for m in range(o):
-                value += excess[j, m] * S[m, k]
-            weighted[j, k] = value
-    for j in range(p):
-        for k in range(j + 1):
-            value = 0.0
-            for m in range(p):
-                value += half[j, m] * closed[k, m]
-            for m in range(o):
-                value += weighted[j, m] * excess[k, m]
-            grown[j, k] = value
-            grown[k, j] = value
+        for k in range(j):
+            grown[k, j] = grown[j, k]

@@ -52,11 +52,11 @@ def second_moments(vectors: FloatArray, iterations: int = 100, jitter: float = 1
     # Means alone would make what is missing look certain: the first covariance has the variances of what is there.
     spread = np.diag(((filled - mean) ** 2).sum(axis=0) * (1 / (~missing).sum(axis=0) - 1 / len(vectors)))
     moments = _sample_moments(filled, spread)
-    precision: FloatArray = np.diag(np.full(len(mean), np.inf))
+    precision: FloatArray = np.diag(np.full(len(mean), np.inf)).astype(np.float64)
     for _ in range(iterations):
         before = np.diag(precision)
         jittered = moments.covariance + np.diag(jitter * np.diag(moments.covariance) + TINY)
-        precision = np.linalg.inv(jittered)
+        precision = np.asarray(np.linalg.inv(jittered), np.float64)
         if np.max(np.abs(np.diag(precision) / before - 1)) < 1e-2:
             break
         uncertainty = np.zeros(precision.shape)

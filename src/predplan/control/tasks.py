@@ -59,7 +59,8 @@ def hopper_has_fallen(motion: Motion) -> BoolArray:
     """The torso is below .7 m or leans by .2 rad, or a number beyond the first two is 100 or more."""
     height, angle = motion.position[:, 1], motion.position[:, 2]
     rest = np.concatenate([motion.position[:, 2:], motion.velocity], axis=1)
-    return ~((np.abs(rest) < 100.0).all(axis=1) & (height > 0.7) & (height < np.inf) & (np.abs(angle) < 0.2))
+    healthy = (np.abs(rest) < 100.0).all(axis=1) & (height > 0.7) & (height < np.inf) & (np.abs(angle) < 0.2)
+    return np.asarray(~healthy)
 
 
 def walker_has_fallen(motion: Motion) -> BoolArray:
