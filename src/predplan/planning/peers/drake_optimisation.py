@@ -39,8 +39,8 @@ CONTROL_POINTS, ORDER, TIMES = 10, 4, 50
 BOUND, INFLUENCE = 0.01, 0.05
 """m: the smallest distance allowed, and how far beyond it Drake looks.
 
-With the 25 times and 1 mm of its tutorial hardly any path is free between the times; with these most are, and it is not
-slower.
+Chosen on ten of the given problems, in Drake's favour: with the 25 times and 1 mm of its tutorial it solved all ten and
+none was free between the times; with these nine, seven of them certified.
 """
 GUESS_SPREAD = 0.5
 """rad: standard deviation of the control points of a random guess about the straight line's."""
