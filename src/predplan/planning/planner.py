@@ -159,6 +159,8 @@ def basis_of(kernel: Kernel, joints: int, samples: int, knots: int, ridge: float
     )
 
 
+KNOTS = 65
+"""Times at which the lengths of two paths are compared."""
 UNTRIED = Verdict(UNDECIDED, np.nan, -1, -1, np.nan, 0)
 """Of an attempt that did not come to a proof."""
 
@@ -253,7 +255,7 @@ class Planner:
                 if tried.path is None:
                     continue
                 if name != "line":
-                    tried = self._smoother(world, tried, start, goal)
+                    tried = self._smoother(world, tried, start, goal, np.random.default_rng(seed))
                 certificate = stated(self.robot, world, tried.verdict, 0.0)
                 took = time.perf_counter() - began
                 return Plan(self.robot, scene, True, "", method, took, tuple(attempts), certificate, tried.path)
@@ -294,6 +296,10 @@ class Planner:
             0.0,
             settings.search_iterations,
         )
+        return self._shortened(scene, points, generator)
+
+    def _shortened(self, scene: Scene, points: FloatArray, generator: np.random.Generator) -> FloatArray:
+        settings, chain = self.settings, self.robot.chain
         return shortcut(chain, scene.obstacles, points, generator, settings.shortcuts, settings.resolution, 0.0)
 
     def _draw(self, scene: Scene, line: FloatArray, generator: np.random.Generator) -> FloatArray:
@@ -329,15 +335,23 @@ class Planner:
             descent = descent._replace(margin=2.0 * descent.margin + 0.002, iterations=10)
         return Tried(None, verdict, basis, coefficients, "the proof failed", iterations)
 
-    def _smoother(self, scene: Scene, tried: Tried, start: FloatArray, goal: FloatArray) -> Tried:
-        """A certified path made smoother, while it stays free: through a wider kernel, then drawn towards the line."""
-        if tried.basis is self._narrow:
-            values = self._narrow.space.gram @ tried.coefficients
-            for basis in (self._wide, self._middle):
-                wider = self._attempt(scene, basis, basis.ridge @ values, start, goal)
-                if wider.path is not None:
-                    tried = wider
-                    break
+    def _smoother(
+        self, scene: Scene, tried: Tried, start: FloatArray, goal: FloatArray, generator: np.random.Generator
+    ) -> Tried:
+        """A certified path made shorter and smoother, while it stays free.
+
+        Its knots are shortened as a polyline and seen through a wider kernel, then the path is drawn towards the line.
+        """
+        assert tried.path is not None
+        knots = np.concatenate([tried.path.coefficients[:, 0], goal[None]])
+        points = self._shortened(scene, knots, generator)
+        for basis in (self._wide, self._middle):
+            values = resampled(points, basis.space.times) - line_values(basis.space, start, goal)
+            other = self._attempt(scene, basis, basis.ridge @ values, start, goal)
+            if other.path is not None:
+                if tried.basis is self._narrow or length(other.path, KNOTS) < length(tried.path, KNOTS):
+                    tried = other
+                break
         whole, low, high = tried.coefficients, 0.0, 1.0
         for _ in range(self.settings.contractions):
             middle = (low + high) / 2
