@@ -55,8 +55,9 @@ class PlannerSettings:
     reach: float = 1.5  # rad: longest motion RRT-Connect adds
     resolution: float = 0.08  # rad: between configurations it looks at
     search_iterations: int = 2000
-    shortcuts: int = 25
+    shortcuts: int = 40
     proof: int = 2000  # configurations looked at before a proof is given up
+    rounds: int = 2  # of shortening a certified path
     contractions: int = 3  # halvings of the interval in which the smallest free multiple of f is sought
 
 
@@ -342,16 +343,17 @@ class Planner:
 
         Its knots are shortened as a polyline and seen through a wider kernel, then the path is drawn towards the line.
         """
-        assert tried.path is not None
-        knots = np.concatenate([tried.path.coefficients[:, 0], goal[None]])
-        points = self._shortened(scene, knots, generator)
-        for basis in (self._wide, self._middle):
-            values = resampled(points, basis.space.times) - line_values(basis.space, start, goal)
-            other = self._attempt(scene, basis, basis.ridge @ values, start, goal)
-            if other.path is not None:
-                if tried.basis is self._narrow or length(other.path, KNOTS) < length(tried.path, KNOTS):
-                    tried = other
-                break
+        for _ in range(self.settings.rounds):
+            assert tried.path is not None
+            knots = np.concatenate([tried.path.coefficients[:, 0], goal[None]])
+            points = self._shortened(scene, knots, generator)
+            for basis in (self._wide, self._middle):
+                values = resampled(points, basis.space.times) - line_values(basis.space, start, goal)
+                other = self._attempt(scene, basis, basis.ridge @ values, start, goal)
+                if other.path is not None:
+                    if tried.basis is self._narrow or length(other.path, KNOTS) < length(tried.path, KNOTS):
+                        tried = other
+                    break
         whole, low, high = tried.coefficients, 0.0, 1.0
         for _ in range(self.settings.contractions):
             middle = (low + high) / 2
