@@ -17,7 +17,14 @@ def main(stage: CorpusStage) -> None:
     artifacts = (*map(stage.result, map(table, RESULTS)), *map(stage.path, map(table, ARTIFACTS)))
     # A worker that was started elsewhere reads from there: whole paths.
     work = partial(record_into, folder=stage.path("recordings").absolute())
-    list(run(work, [artifact.absolute() for artifact in artifacts], workers=stage.settings.workers, scheduler=stage.settings.scheduler))
+    list(
+        run(
+            work,
+            [artifact.absolute() for artifact in artifacts],
+            workers=stage.settings.workers,
+            scheduler=stage.settings.scheduler,
+        )
+    )
 
 
 def record_into(artifact: Path, folder: Path) -> None:
