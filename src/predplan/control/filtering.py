@@ -26,6 +26,7 @@ from typing import Protocol
 import numpy as np
 from numba import njit
 
+from predplan.control import cholesky
 from predplan.control.tasks import BoolArray, FloatArray, IntArray
 from predplan.control.trajectories import Trajectories
 
@@ -258,26 +259,9 @@ def _gain(A: FloatArray, K: FloatArray, C: FloatArray, S: FloatArray, P: FloatAr
             value = K[j, m]
             for k in range(o):
                 right[j, k] += value * S[m, k]
-    for j in range(o):  # total = L L', in place
-        for k in range(j + 1):
-            value = total[j, k]
-            for m in range(k):
-                value -= total[j, m] * total[k, m]
-            if j == k:
-                total[j, j] = np.sqrt(value)
-            else:
-                total[j, k] = value / total[k, k]
+    cholesky.factor(total)
     for j in range(p):
-        for k in range(o):
-            value = right[j, k]
-            for m in range(k):
-                value -= right[j, m] * total[k, m]
-            right[j, k] = value / total[k, k]
-        for k in range(o - 1, -1, -1):
-            value = right[j, k]
-            for m in range(k + 1, o):
-                value -= right[j, m] * total[m, k]
-            right[j, k] = value / total[k, k]
+        cholesky.solve(total, right[j])
     return right
 
 

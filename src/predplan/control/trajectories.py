@@ -60,6 +60,17 @@ class Trajectories:
         arrays = {field.name: getattr(self, field.name)[rows] for field in fields(self) if field.name != "first"}
         return Trajectories(**arrays, first=np.concatenate([[0], np.cumsum(self.lengths[which])]))
 
+    def padded(self, rows: int) -> Trajectories:
+        """The same with each trajectory's first row `rows` times more before it: at rest, as it will start."""
+        index = np.concatenate(
+            [
+                np.concatenate([np.full(rows, start), np.arange(start, end)])
+                for start, end in zip(self.first[:-1], self.first[1:], strict=True)
+            ]
+        )
+        arrays = {field.name: getattr(self, field.name)[index] for field in fields(self) if field.name != "first"}
+        return Trajectories(**arrays, first=self.first + rows * np.arange(len(self.first)))
+
     def with_observation(self, observation: FloatArray) -> Trajectories:
         """The same trajectories, otherwise observed."""
         return replace(self, observation=observation)
