@@ -25,7 +25,7 @@ from predplan.reporting.markdown import all_figures, to_markdown
 from predplan.reporting.page import to_page
 from predplan.reporting.planning.results import SuiteResults
 from predplan.reporting.planning.section import planning_section
-from stages.settings import CorpusSettings, SuiteSettings, load_settings
+from stages.settings import CorpusSettings, Settings, SuiteSettings, load_settings
 
 TITLE = "predplan"
 SUMMARY = (
@@ -40,9 +40,7 @@ def main(params: Path, out: Path) -> None:
     corpora = [read_results(folder / name, name, corpus) for name, corpus in settings.labelling.corpora.items()]
     if not corpora:
         raise InputError(f"{params}: labelling.corpora is empty; expected one corpus at least")
-    planned = Path(settings.out) / "results" / "planning"
-    suites = [read_suite(planned / name, name, suite) for name, suite in settings.planning.suites.items()]
-    write_report(out, [labelling_section(corpora), planning_section(suites)])
+    write_report(out, [labelling_section(corpora), planning_section(read_suites(settings))])
 
 
 def read_results(folder: Path, name: str, settings: CorpusSettings) -> CorpusResults:
@@ -72,6 +70,12 @@ def read_results(folder: Path, name: str, settings: CorpusSettings) -> CorpusRes
     if not results.scores or not results.tagged:
         raise InputError(f"{folder}: no method was scored; run again: dvc repro evaluate@{name}")
     return results
+
+
+def read_suites(settings: Settings) -> list[SuiteResults]:
+    """Every suite's results, in the order of the settings."""
+    folder = Path(settings.out) / "results" / "planning"
+    return [read_suite(folder / name, name, suite) for name, suite in settings.planning.suites.items()]
 
 
 def read_suite(folder: Path, name: str, settings: SuiteSettings) -> SuiteResults:

@@ -48,7 +48,7 @@ def main(stage: SuiteStage) -> None:
     costs = costs_of(read_rows(stage.path("costs.parquet"), COSTS))
     problem = read_problems(stage.folder(), TEST)[0]
     inputs = [stage.path(name) for name in ("costs.parquet", "outcomes.parquet", "trajectories.parquet")]
-    provenance = stage.provenance(*inputs, suite=stage.suite)
+    provenance = stage.provenance(*inputs, settings=stage.suite)
     curves = [
         {"method": method, "measure": measure, "iteration": i, **summary(values)._asdict()}
         for (method, measure, i), values in costs.items()

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
+from predplan.artifacts.recordings import JointStates
 from predplan.errors import InputError
+from predplan.planning.measures import GRID
 from predplan.planning.methods import Method, methods_of
+from predplan.planning.problems import Problem
+from predplan.planning.robots import FloatArray
 from predplan.planning.tables import STEPS, read_rows
 from stages.common import SuiteStage
 
 
 def methods_of_suite(stage: SuiteStage) -> list[Method]:
     """The methods before tuning."""
-    shared = {"epsilon": stage.suite.epsilon, "shrinkage": stage.settings.planning.shrinkage}
-    return [replace(method, **shared) for method in methods_of(stage.suite.kind)]
+    epsilon, shrinkage = stage.suite.epsilon, stage.settings.planning.shrinkage
+    return [replace(method, epsilon=epsilon, shrinkage=shrinkage) for method in methods_of(stage.suite.kind)]
 
 
 def tuned_methods(stage: SuiteStage) -> list[Method]:
@@ -27,3 +33,10 @@ def tuned_methods(stage: SuiteStage) -> list[Method]:
             raise InputError(f"{path}: no step of {source}; expected the steps of a suite with the same methods")
         tuned.append(replace(method, inverse_step=steps[source] / method.step_factor))
     return tuned
+
+
+def played(problem: Problem, q: FloatArray) -> JointStates:
+    """A trajectory [101, D] on GRID as a motion, as fast as the velocity limits let it go at equal steps."""
+    speed = np.gradient(q, GRID, axis=0)
+    duration = max(float(np.max(np.abs(speed) / problem.robot.velocity_limit)), 1e-3)
+    return JointStates(GRID * duration, problem.robot.joints, q, speed / duration)

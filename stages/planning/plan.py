@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from predplan.artifacts.recordings import JointStates
 from predplan.parallel import run
 from predplan.planning.measures import GRID
 from predplan.planning.methods import Method
@@ -28,7 +27,7 @@ from predplan.planning.tables import (
     write_rows,
 )
 from stages.common import SuiteStage, run_suite_stage
-from stages.planning.compared import tuned_methods
+from stages.planning.compared import played, tuned_methods
 
 TIMED_ITERATIONS = 10
 """Of each descent whose time is measured."""
@@ -44,7 +43,7 @@ def main(stage: SuiteStage) -> None:
     found = run(work, methods, workers=stage.settings.workers, scheduler=stage.settings.scheduler)
     steps = stage.folder(suite.steps_of) / "steps.parquet"
     inputs = [*(stage.path(name) for name in ("problems.parquet", "shapes.parquet", "robot.json")), steps]
-    provenance = stage.provenance(*inputs, suite=suite, shrinkage=planning.shrinkage)
+    provenance = stage.provenance(*inputs, settings=suite, shrinkage=planning.shrinkage)
     costs: Rows = []
     outcomes: Rows = []
     trajectories: Rows = []
@@ -92,10 +91,7 @@ def trajectory_rows(key: dict[str, str], iteration: int, run: Run) -> Rows:
 
 
 def write_example(stage: SuiteStage, method: Method, problem: Problem, run: Run, provenance: Any) -> None:
-    """The first problem's last trajectory as a recording, as fast as the velocity limits let it go at equal steps."""
-    q = run.trajectories[-1]
-    speed = np.gradient(q, GRID, axis=0)
-    duration = max(float(np.max(np.abs(speed) / problem.robot.velocity_limit)), 1e-3)
+    """The first problem's last trajectory as a recording."""
     certificate = run.certificate
     facts = {
         "method": method.name,
@@ -108,7 +104,7 @@ def write_example(stage: SuiteStage, method: Method, problem: Problem, run: Run,
             "s": certificate.s if np.isfinite(certificate.s) else None,
         },
     }
-    states = JointStates(GRID * duration, problem.robot.joints, q, speed / duration)
+    states = played(problem, run.trajectories[-1])
     path = stage.path("trajectories") / f"{method.name}.mcap"
     write_motion(path, problem.robot, problem.scene, states, provenance, facts, meshes=False)
 

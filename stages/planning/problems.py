@@ -16,7 +16,7 @@ def main(stage: SuiteStage) -> None:
     streams = np.random.SeedSequence([seed, KINDS.index(suite.kind)]).spawn(2)
     tuning, test = (np.random.default_rng(stream) for stream in streams)
     parts = dict(zip((TUNING, TEST), draw(suite.kind, (suite.tuning, suite.problems), (tuning, test)), strict=True))
-    write_problems(stage.folder(), parts, stage.provenance(suite=suite))
+    write_problems(stage.folder(), parts, stage.provenance(settings=suite))
 
 
 def draw(kind: SuiteKind, counts: tuple[int, ...], generators: tuple[np.random.Generator, ...]) -> list[list[Problem]]:

@@ -29,7 +29,7 @@ def main(stage: SuiteStage) -> None:
         for _, of_method in groupby(tried, key=lambda each: each.method):
             chosen += choose_step(list(of_method))
     inputs = [stage.path(name) for name in ("problems.parquet", "shapes.parquet", "robot.json")]
-    provenance = stage.provenance(*inputs, suite=suite, shrinkage=stage.settings.planning.shrinkage)
+    provenance = stage.provenance(*inputs, settings=suite, shrinkage=stage.settings.planning.shrinkage)
     write_rows(stage.path("steps.parquet"), STEPS, [asdict(each) for each in chosen], provenance)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -52,7 +53,7 @@ def problem() -> Problem:
     return planar_problems(1, np.random.default_rng(3))[0]
 
 
-def descent(reduce: int = INTEGRAL, **changed: float) -> Descent:
+def descent(reduce: int = INTEGRAL, **changed: Any) -> Descent:
     plain = Descent(reduce, 4, 1.0, 0.0, EPSILON, SELF_EPSILON, np.inf, 1, -1.0)
     return plain._replace(**changed)
 

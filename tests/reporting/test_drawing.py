@@ -6,6 +6,8 @@ from hypothesis import strategies as st
 
 from predplan.labelling.methods import METHODS
 from predplan.palette import METHOD_COLOURS
+from predplan.planning.kinds import KINDS
+from predplan.planning.methods import methods_of
 from predplan.reporting.drawing import drawing_look, inlined, label_ends, new_canvas, spread_out, to_svg
 
 
@@ -61,4 +63,5 @@ def test_crowded_places_share_the_move() -> None:
 
 
 def test_every_method_has_a_colour() -> None:
-    assert METHOD_COLOURS.keys() == METHODS.keys()
+    planning = {method.name for kind in KINDS for method in methods_of(kind)}
+    assert METHOD_COLOURS.keys() == METHODS.keys() | planning

@@ -113,7 +113,7 @@ def microwave_mouth(shapes: Sequence[Shape]) -> FloatArray:
     panel = next(shape for shape in shapes if shape.name.startswith(DOOR) and isinstance(shape, Box))
     rotation, half, centre = np.asarray(panel.rotation), np.asarray(panel.half), np.asarray(panel.centre)
     # The door also covers the panel of buttons; the oven behind it ends at four fifths of the way.
-    return centre - 0.2 * half[0] * rotation[:, 0] + (half[1] + INTO) * rotation[:, 1]
+    return np.asarray(centre - 0.2 * half[0] * rotation[:, 0] + (half[1] + INTO) * rotation[:, 1])
 
 
 def reach(

@@ -124,7 +124,10 @@ def _maze_methods() -> tuple[Method, ...]:
         "waypoints-acceleration", "waypoints, acceleration", "waypoints-acceleration", sections=5, samples=100
     )
     same = replace(narrow, step_of=narrow.name)
-    large = {"step_of": narrow.name, "step_factor": 2.0}
+
+    def large(method: Method, label: str) -> Method:
+        return replace(method, name=f"{method.name}-large", label=label, step_of=narrow.name, step_factor=2.0)
+
     return (
         replace(narrow, name="grbf", label=f"Gaussian σ={WIDE}", width=WIDE),
         narrow,
@@ -133,9 +136,9 @@ def _maze_methods() -> tuple[Method, ...]:
         replace(velocity, name="waypoints-few", label="5 waypoints, velocity", samples=5),
         replace(same, name="b-spline-narrow", label=f"B-spline h={NARROW}", kernel="b-spline"),
         replace(same, name="laplacian-narrow", label=f"Laplacian σ={NARROW}", kernel="laplacian"),
-        replace(narrow, name="grbf-narrow-large", label=f"Gaussian σ={NARROW}, large", **large),
-        replace(velocity, name="waypoints-velocity-large", label="waypoints, vel., large", **large),
-        replace(acceleration, name="waypoints-acceleration-large", label="waypoints, acc., large", **large),
+        large(narrow, f"Gaussian σ={NARROW}, large"),
+        large(velocity, "waypoints, vel., large"),
+        large(acceleration, "waypoints, acc., large"),
     )
 
 

@@ -103,11 +103,14 @@ def run_method(method: Method, problem: Problem, iterations: int) -> Run:
 
 def supports_of(method: Method, problem: Problem, iterations: int) -> list[FloatArray]:
     """The support's times in [0, 1] after 0, 1, ... iterations: where coefficients are not zero."""
-    supports = []
-    for count in range(iterations + 1):
-        prepared = prepare(method, problem, count, on_grid=False)
-        ended = _descend(prepared, problem, np.empty((0, len(prepared.space.times), len(problem.start))))
-        supports.append(prepared.space.times[np.any(ended.coefficients != 0.0, axis=1)])
+    prepared = prepare(method, problem, 1, on_grid=False)
+    times = prepared.space.times
+    coefficients = np.zeros((len(times), len(problem.start)))
+    none = np.empty((0, *coefficients.shape))
+    supports = [times[:0]]
+    for _ in range(iterations):
+        coefficients = _descend(prepared, problem, none, coefficients).coefficients
+        supports.append(times[np.any(coefficients != 0.0, axis=1)])
     return supports
 
 
@@ -196,14 +199,13 @@ def iteration_times(methods: Sequence[Method], problem: Problem, iterations: int
     return taken
 
 
-def _descend(prepared: Prepared, problem: Problem, history: FloatArray) -> Descended:
+def _descend(
+    prepared: Prepared, problem: Problem, history: FloatArray, coefficients: FloatArray | None = None
+) -> Descended:
     chain, space = problem.robot.chain, prepared.space
     line = line_values(space, problem.start, problem.goal)
     position = (space.orders == 0)[:, None]
     lower = np.where(position, chain.lower, -np.inf)
     upper = np.where(position, chain.upper, np.inf)
-    zero = np.zeros_like(line)
-    ended: Descended = descend(
-        chain, problem.scene.obstacles, space, prepared.descent, line, zero, lower, upper, history
-    )
-    return ended
+    start = np.zeros_like(line) if coefficients is None else coefficients
+    return descend(chain, problem.scene.obstacles, space, prepared.descent, line, start, lower, upper, history)

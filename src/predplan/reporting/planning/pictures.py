@@ -10,7 +10,7 @@ from matplotlib.colors import LinearSegmentedColormap
 
 from predplan.palette import GREY, colour_of
 from predplan.reporting.document import Figure
-from predplan.reporting.drawing import INK, drawing_look, label_ends, new_canvas, to_svg
+from predplan.reporting.drawing import INK, drawing_look, new_canvas, to_svg
 from predplan.reporting.planning.results import SuiteResults
 
 FIELD = LinearSegmentedColormap.from_list("field", ["#9aa0a600", "#7b828aff"])
@@ -68,16 +68,14 @@ def arm_panels(suite: SuiteResults, methods: Sequence[str], name: str, caption: 
 def tool_traces(suite: SuiteResults, methods: Sequence[str], iterations: Sequence[int], figure: str) -> Figure:
     """The end effector's ways in the first problem, from the front and from above: a row an iteration."""
     with drawing_look():
-        canvas = new_canvas(2.9 * len(iterations))
+        canvas = new_canvas(2.7 * len(iterations) + 0.6)
         panels = canvas.subplots(len(iterations), 2, squeeze=False)
         for (front, above), iteration in zip(panels, iterations, strict=True):
-            ends = []
             for method in methods:
                 way = suite.trajectory(method, iteration)
                 colour = colour_of(method)
-                front.plot(way[:, 0], way[:, 2], color=colour, linewidth=1.5)
+                front.plot(way[:, 0], way[:, 2], color=colour, linewidth=1.5, label=suite.methods[method].label)
                 above.plot(way[:, 0], way[:, 1], color=colour, linewidth=1.5)
-                ends.append((float(way[:, 0].max()), float(way[50, 1]), suite.methods[method].label, colour))
             for axes, k in ((front, 2), (above, 1)):
                 way = suite.trajectory(methods[0], iteration)
                 axes.plot(way[[0, -1], 0], way[[0, -1], k], "o", color=INK, markersize=4)
@@ -88,7 +86,8 @@ def tool_traces(suite: SuiteResults, methods: Sequence[str], iterations: Sequenc
             front.set_ylabel("z, m (from the front)")
             above.set_ylabel("y, m (from above)")
             front.set_title(f"{iteration} iterations", fontsize=9)
-            label_ends(canvas, above, ends, gap_points=11.0 * len(iterations))
+        lines, names = panels[0, 0].get_legend_handles_labels()
+        canvas.legend(lines, names, loc="outside lower center", ncols=2, frameon=False, labelcolor="linecolor")
         svg = to_svg(canvas)
     return Figure(
         f"{suite.name}-traces",

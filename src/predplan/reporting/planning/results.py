@@ -79,7 +79,7 @@ class SuiteResults:
 
     def free(self, method: str) -> float:
         """Share of the problems whose last trajectory is certified."""
-        own = [row["free"] for row in self.outcomes if row["method"] == method]
+        own = [bool(row["free"]) for row in self.outcomes if row["method"] == method]
         return sum(own) / len(own)
 
     @cached_property

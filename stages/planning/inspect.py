@@ -1,0 +1,95 @@
+"""Make the recording of a suite's first problem: the arm in its scene, every method's way, costs and support points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+
+from predplan.artifacts.tables import read_provenance
+from predplan.inspection.planning import Limits, Motion, Plans, draw_plans
+from predplan.inspection.recording import Page, write_recording
+from predplan.planning.kinds import IN_THE_PLANE
+from predplan.planning.kinematics import tool_trace
+from predplan.planning.plan_files import clearance_of
+from predplan.planning.problems import Problem
+from predplan.planning.tables import COSTS, SUPPORTS, TEST, TRAJECTORIES, read_problems, read_rows
+from predplan.planning.visuals import frame_poses, robot_solids, scene_solids
+from stages.common import SuiteStage, run_suite_stage
+from stages.planning.compared import played
+
+SHOWN = ("grbf", "grbf-narrow", "grbf-body", "grbf-jj", "waypoints-velocity", "waypoints-acceleration")
+SHOWN_FOR_WAYPOINTS = ("chomp-velocity", "chomp-acceleration")
+
+
+def main(stage: SuiteStage) -> None:
+    problem = read_problems(stage.folder(), TEST)[0]
+    if stage.suite.kind not in IN_THE_PLANE:
+        problem = with_meshes(problem)
+    plans = plans_of(stage, problem)
+    provenance = read_provenance(stage.path("trajectories.parquet"))
+
+    def draw(recording: rr.RecordingStream) -> Page:
+        return draw_plans(recording, plans, provenance)
+
+    write_recording(stage.path("recordings") / f"{problem.name}.rrd", "plans", stage.name, provenance, draw)
+
+
+def plans_of(stage: SuiteStage, problem: Problem) -> Plans:
+    """The first problem as it was solved by the methods shown."""
+    own = partial(rows_of, stage=stage, problem=problem.name)
+    trajectories = own("trajectories", TRAJECTORIES)
+    methods = list(dict.fromkeys(row["method"] for row in trajectories))
+    shown = [name for name in (*SHOWN, *SHOWN_FOR_WAYPOINTS) if name in methods]
+    iterations, motions = stage.suite.iterations, []
+    for method in shown:
+        last = [
+            row["q"] for row in trajectories if (row["method"], row["iteration"]) == (method, stage.suite.iterations)
+        ]
+        states = played(problem, np.array(last))
+        tool = tool_trace(problem.robot.chain, states.position)
+        clearance = clearance_of(problem.robot, problem.scene, states.times, states.position)
+        motions.append(Motion(method, states, tool, clearance))
+    costs = [row for row in own("costs", COSTS) if row["method"] in shown]
+    table = pa.table(
+        {
+            "method": [row["method"] for row in costs],
+            "iteration": [row["iteration"] for row in costs],
+            "obstacle_cost": [row["integral"] for row in costs],
+            "velocity_cost": [row["velocity"] for row in costs],
+            "acceleration_cost": [row["acceleration"] for row in costs],
+        }
+    )
+    supports = {
+        method: [np.array(row["times"]) for row in own("supports", SUPPORTS) if row["method"] == method]
+        for method in shown[:4]
+    }
+    robot, first = problem.robot, motions[0].states
+    limits = Limits(robot.chain.lower, robot.chain.upper, robot.velocity_limit, robot.acceleration_limit)
+    text = (
+        f"{len(shown)} methods from the straight line, {iterations} iterations each; the arm moves by "
+        f"**{shown[0]}**. Obstacle cost is that along the way of the whole body, by arc length [m²]."
+    )
+    solids = (*robot_solids(robot, bool(robot.source)), *scene_solids(problem.scene))
+    frames = frame_poses(robot, first.times, first.position)
+    return Plans(f"{stage.name}: {problem.name}", text, solids, frames, motions, limits, table, supports)
+
+
+def rows_of(name: str, schema: Any, stage: SuiteStage, problem: str) -> list[dict[str, Any]]:
+    """The rows of a table that are about one problem."""
+    return [row for row in read_rows(stage.path(f"{name}.parquet"), schema) if row["problem"] == problem]
+
+
+def with_meshes(problem: Problem) -> Problem:
+    """The problem with the file its robot was read from, whose meshes are drawn."""
+    from predplan.planning.kitchen_files import kitchen_model
+
+    return replace(problem, robot=replace(problem.robot, source=str(kitchen_model())))
+
+
+if __name__ == "__main__":
+    run_suite_stage(main)
