@@ -38,10 +38,14 @@ thesis: $(READY) ## the pipeline at the thesis's scale
 
 bench: $(READY) ## speed, measured on this machine; LARGE=--large adds 100 million generated tokens
 	$(BIN)/python -m stages.bench $(LARGE)
+	$(BIN)/uv pip install --quiet --require-hashes -r requirements-peers.lock
+	$(BIN)/python -m stages.planning.motion_bench params.yaml --peers
 
 lock: $(READY) ## pin every dependency anew, by hash
 	$(BIN)/uv pip compile --quiet --upgrade --universal --generate-hashes --python-version 3.11 --no-header $(EXTRAS) \
 		pyproject.toml --output-file requirements.lock
+	$(BIN)/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --no-header $(EXTRAS) --extra peers \
+		--constraint requirements.lock pyproject.toml --output-file requirements-peers.lock
 
 clean: ## the environment and the tools' caches; data and reports stay
 	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis build dist
