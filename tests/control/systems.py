@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from predplan.control.filtering import LinearFilter
+from predplan.control.linear_filter import LinearFilter
 from predplan.control.trajectories import Trajectories
 
 FloatArray = np.ndarray

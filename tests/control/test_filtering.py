@@ -4,7 +4,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from predplan.control.filtering import FilterState, LinearFilter, filter_trajectories
+from predplan.control.filtering import FilterState, filter_trajectories
+from predplan.control.linear_filter import LinearFilter, gains
 from predplan.control.trajectories import Trajectories
 from tests.control.systems import exact_filter, example, kalman_predictions, simulate
 
@@ -133,3 +134,17 @@ def test_copies_are_taken_and_put() -> None:
     np.testing.assert_array_equal(again.mean[rows], 0.0)
     np.testing.assert_array_equal(again.mean[[0, 2]], state.mean[[0, 2]])
     np.testing.assert_array_equal(state.take(rows).mean, state.mean[rows])
+
+
+def test_with_its_gains_the_filter_is_linear_in_observations() -> None:
+    system = example()
+    data = simulate(system, 6, 25, np.random.default_rng(4), 0.3)
+    model = replace(exact_filter(system), initial_covariance=np.eye(3), limit=100.0)
+    K, expected = gains(model, data), filter_trajectories(model, data).after
+    assert not K[~data.seen].any()
+    for first, end in zip(data.first[:-1], data.first[1:], strict=True):
+        q = model.initial_mean
+        for t in range(first, end):
+            innovation = np.nan_to_num(data.observation[t]) - model.C @ q - model.D @ data.action[t] - model.d
+            q = model.A @ q + model.B @ data.action[t] + model.c + K[t] @ innovation
+            np.testing.assert_allclose(q, expected[t], atol=1e-11)

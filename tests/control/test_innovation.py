@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from predplan.control.filtering import filter_trajectories
-from predplan.control.innovation import InnovationSettings, fit_innovation
+from predplan.control.innovation import InnovationSettings, fit_innovation, learn_basis, refit
 from predplan.control.moments import second_moments
 from predplan.errors import InputError
 from tests.control.systems import example, kalman_predictions, simulate
@@ -112,3 +112,13 @@ def test_what_cannot_be_learned_is_said() -> None:
         InnovationSettings(dimension=0)
     with pytest.raises(InputError, match="lam: found nan"):
         InnovationSettings(lam=float("nan"))
+
+
+def test_refits_keep_what_states_mean() -> None:
+    """Learned anew from other data of the same system, states are the same numbers; in a basis of its own they turn."""
+    first, second = (simulate(example(), 300, 50, np.random.default_rng(seed)) for seed in (10, 11))
+    basis = learn_basis(first, SETTINGS)
+    before = filter_trajectories(refit(basis, first, SETTINGS), second).state
+    np.testing.assert_array_equal(before, filter_trajectories(fit_innovation(first, SETTINGS), second).state)
+    after = filter_trajectories(refit(basis, second, SETTINGS), second).state
+    assert np.mean((after - before) ** 2) < 0.03 * np.mean(before**2)

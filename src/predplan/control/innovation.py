@@ -24,7 +24,8 @@ from predplan.control.autoregression import (
     standardise,
     window_moments,
 )
-from predplan.control.filtering import Filtered, LinearFilter, filter_trajectories
+from predplan.control.filtering import Filtered, filter_trajectories
+from predplan.control.linear_filter import LinearFilter
 from predplan.control.moments import Moments, ridge, second_moments, solve_right
 from predplan.control.tasks import FloatArray
 from predplan.control.trajectories import Trajectories, seen
@@ -67,6 +68,18 @@ def fit_innovation(trajectories: Trajectories, settings: InnovationSettings) -> 
     layout, moments = window_moments(trajectories, settings.past, standard)
     basis = fit_basis(layout, moments, standard, settings)
     return fit_in_basis(basis, moments, trajectories, settings)
+
+
+def refit(basis: Basis, trajectories: Trajectories, settings: InnovationSettings) -> LinearFilter:
+    """Learn the filter anew from other trajectories, states meaning what they did. Raises InputError as the first."""
+    _, moments = window_moments(trajectories, settings.past, basis.standard)
+    return fit_in_basis(basis, moments, trajectories, settings)
+
+
+def learn_basis(trajectories: Trajectories, settings: InnovationSettings) -> Basis:
+    """What states are to mean, from stage 1. Raises InputError as `fit_innovation`."""
+    standard = standardise(trajectories)
+    return fit_basis(*window_moments(trajectories, settings.past, standard), standard, settings)
 
 
 def fit_basis(layout: Layout, moments: Moments, standard: Standard, settings: InnovationSettings) -> Basis:
