@@ -15,6 +15,8 @@ from predplan.artifacts.tables import TableSchema, read_table
 from predplan.errors import InputError, PredplanError
 from predplan.labelling.methods import UNTIMED
 from predplan.labelling.tables import ABLATIONS, COMPARISONS, CONFUSION, COSTS, CURVE, SCORES, TAG_SCORES, TAGGED
+from predplan.planning.benchmark_tables import PLANS
+from predplan.planning.benchmark_tables import SUMMARY as SUMMARIES
 from predplan.planning.tables import COMPARISONS as TESTS
 from predplan.planning.tables import CURVES as COST_CURVES
 from predplan.planning.tables import EXAMPLE, FIELD, OUTCOMES, STEPS, TIMES
@@ -23,6 +25,7 @@ from predplan.reporting.labelling.results import CorpusResults
 from predplan.reporting.labelling.section import labelling_section
 from predplan.reporting.markdown import all_figures, to_markdown
 from predplan.reporting.page import to_page
+from predplan.reporting.planning.motion_bench import motion_bench_section
 from predplan.reporting.planning.results import SuiteResults
 from predplan.reporting.planning.section import planning_section
 from stages.settings import CorpusSettings, Settings, SuiteSettings, load_settings
@@ -40,7 +43,8 @@ def main(params: Path, out: Path) -> None:
     corpora = [read_results(folder / name, name, corpus) for name, corpus in settings.labelling.corpora.items()]
     if not corpora:
         raise InputError(f"{params}: labelling.corpora is empty; expected one corpus at least")
-    write_report(out, [labelling_section(corpora), planning_section(read_suites(settings))])
+    planning = planning_section(read_suites(settings), read_benchmark(settings))
+    write_report(out, [labelling_section(corpora), planning])
 
 
 def read_results(folder: Path, name: str, settings: CorpusSettings) -> CorpusResults:
@@ -70,6 +74,14 @@ def read_results(folder: Path, name: str, settings: CorpusSettings) -> CorpusRes
     if not results.scores or not results.tagged:
         raise InputError(f"{folder}: no method was scored; run again: dvc repro evaluate@{name}")
     return results
+
+
+def read_benchmark(settings: Settings) -> Section | None:
+    """The section on published problems, where they were run (make bench)."""
+    folder = Path(settings.out) / "results" / "planning" / "motion-bench"
+    if not (folder / "summary.parquet").exists():
+        return None
+    return motion_bench_section(_rows(folder / "plans.parquet", PLANS), _rows(folder / "summary.parquet", SUMMARIES))
 
 
 def read_suites(settings: Settings) -> list[SuiteResults]:
