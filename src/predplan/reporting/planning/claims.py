@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -146,8 +146,24 @@ def verdicts(suites: Sequence[SuiteResults]) -> tuple[tuple[str, str], ...]:
         judged = [each.verdict for claim in claims if (each := judge(claim, known)) is not None]
         if judged:
             counts = [f"{judged.count(verdict)} {words}" for verdict, words in WORDS if verdict in judged]
-            found.append((f"{text}.", f"Of {len(judged)} tests: {', '.join(counts)}."))
+            told = f"Of {len(judged)} tests: {', '.join(counts)}.{_at_what_cost(claims, known)}"
+            found.append((f"{text}.", told))
     return tuple(found)
+
+
+def _at_what_cost(claims: Sequence[Claim], suites: Mapping[str, SuiteResults]) -> str:
+    """In how many tests of smoothness that agree the smoother method is left with more obstacle cost, if in any."""
+    agree = [c for c in claims if c.measure in SMOOTH and _verdict(c, suites) == "holds"]
+    dearer = [c for c in agree if _verdict(replace(c, measure="integral"), suites) == "the reverse"]
+    if not dearer:
+        return ""
+    shares = f"{len(dearer)} of {len(agree)}"
+    return f" Where they agree, the smoother one is left with more obstacle cost (by arc length) in {shares}."
+
+
+def _verdict(claim: Claim, suites: Mapping[str, SuiteResults]) -> str:
+    judged = judge(claim, suites)
+    return "" if judged is None else judged.verdict
 
 
 WORDS = (("holds", "agree"), ("no difference", "find no difference"), ("the reverse", "find the reverse"))
