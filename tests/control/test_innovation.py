@@ -118,7 +118,7 @@ def test_refits_keep_what_states_mean() -> None:
     """Learned anew from other data of the same system, states are the same numbers; in a basis of its own they turn."""
     first, second = (simulate(example(), 300, 50, np.random.default_rng(seed)) for seed in (10, 11))
     basis = learn_basis(first, SETTINGS)
-    before = filter_trajectories(refit(basis, first, SETTINGS), second).state
+    before = filter_trajectories(refit(basis, first, SETTINGS)[0], second).state
     np.testing.assert_array_equal(before, filter_trajectories(fit_innovation(first, SETTINGS), second).state)
-    after = filter_trajectories(refit(basis, second, SETTINGS), second).state
+    after = filter_trajectories(refit(basis, second, SETTINGS)[0], second).state
     assert np.mean((after - before) ** 2) < 0.03 * np.mean(before**2)

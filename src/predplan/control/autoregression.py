@@ -74,13 +74,18 @@ class Layout:
         return chosen
 
 
-def window_moments(trajectories: Trajectories, past: int, standard: Standard) -> tuple[Layout, Moments]:
-    """Second moments of all extended windows, of standardised observations; missing ones are allowed for."""
+def window_moments(
+    trajectories: Trajectories, past: int, standard: Standard, iterations: int = 100, known: Moments | None = None
+) -> tuple[Layout, Moments]:
+    """Second moments of all extended windows, of standardised observations; missing ones are allowed for.
+
+    iterations, known: as in `moments.second_moments`.
+    """
     rows = window_rows(trajectories, past, 0)[:, None] + np.arange(-past, 1)
     observation, action = standard(trajectories.observation[rows]), trajectories.action[rows]
     layout = Layout(past, observation.shape[2], action.shape[2])
     vectors = np.concatenate([observation.reshape(len(rows), -1), action.reshape(len(rows), -1)], axis=1)
-    return layout, second_moments(vectors)
+    return layout, second_moments(vectors, iterations, known=known)
 
 
 @dataclass(frozen=True)

@@ -31,12 +31,14 @@ class Moments:
         return Moments(linear @ self.mean, linear @ self.covariance @ linear.T, self.count)
 
 
-def second_moments(vectors: FloatArray, iterations: int = 100, jitter: float = 1e-9) -> Moments:
+def second_moments(
+    vectors: FloatArray, iterations: int = 100, jitter: float = 1e-9, known: Moments | None = None
+) -> Moments:
     """Maximum likelihood moments of vectors [m, d], of which numbers that are not finite are missing.
 
     iterations: at most so many of expectation maximisation, where something is missing, or until the variance of each
     number given all others changes by less than a hundredth (what is nearly foretold converges last); jitter: added to
-    variances, relative to each, where conditional means are taken.
+    variances, relative to each, where conditional means are taken; known: moments to begin at, of similar vectors.
     Raises InputError for fewer than 2 vectors.
     """
     if len(vectors) < 2:
@@ -45,13 +47,9 @@ def second_moments(vectors: FloatArray, iterations: int = 100, jitter: float = 1
     filled = np.where(missing, 0.0, vectors)
     if not missing.any():
         return _sample_moments(filled, np.zeros((vectors.shape[1],) * 2))
-    if missing.all(axis=0).any():
+    if known is None and missing.all(axis=0).any():
         raise InputError("windows: some observation is missing in all of them")
-    mean: FloatArray = filled.sum(axis=0) / (~missing).sum(axis=0)
-    filled = np.where(missing, mean, vectors)
-    # Means alone would make what is missing look certain: the first covariance has the variances of what is there.
-    spread = np.diag(((filled - mean) ** 2).sum(axis=0) * (1 / (~missing).sum(axis=0) - 1 / len(vectors)))
-    moments = _sample_moments(filled, spread)
+    moments = _of_what_is_there(filled, missing) if known is None else known
     precision: FloatArray = np.diag(np.full(len(mean), np.inf)).astype(np.float64)
     for _ in range(iterations):
         before = np.diag(precision)
@@ -85,6 +83,14 @@ def solve_right(yx: FloatArray, xx: FloatArray, lam: float) -> FloatArray:
     turned = (yx * inverse) @ vectors[:, kept]
     solution: FloatArray = (turned / values[kept]) @ vectors[:, kept].T * inverse
     return solution
+
+
+def _of_what_is_there(filled: FloatArray, missing: BoolArray) -> Moments:
+    mean: FloatArray = filled.sum(axis=0) / (~missing).sum(axis=0)
+    centred = np.where(missing, mean, filled)
+    # Means alone would make what is missing look certain: variances are those of what is there.
+    spread = np.diag(((centred - mean) ** 2).sum(axis=0) * (1 / (~missing).sum(axis=0) - 1 / len(filled)))
+    return _sample_moments(centred, spread)
 
 
 def _sample_moments(filled: FloatArray, uncertainty: FloatArray) -> Moments:
