@@ -50,7 +50,7 @@ def second_moments(
     if known is None and missing.all(axis=0).any():
         raise InputError("windows: some observation is missing in all of them")
     moments = _of_what_is_there(filled, missing) if known is None else known
-    precision: FloatArray = np.diag(np.full(len(mean), np.inf)).astype(np.float64)
+    precision: FloatArray = np.diag(np.full(vectors.shape[1], np.inf)).astype(np.float64)
     for _ in range(iterations):
         before = np.diag(precision)
         jittered = moments.covariance + np.diag(jitter * np.diag(moments.covariance) + TINY)
