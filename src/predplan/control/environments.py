@@ -71,6 +71,15 @@ class Physics(Protocol):
     def step(self, action: FloatArray, rows: IntArray) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Step those copies: positions, rewards, terminated."""
 
+    def state(self) -> FloatArray:
+        """Of all copies, a row each."""
+
+    def restore(self, state: FloatArray) -> None:
+        """Go on from there."""
+
+    def generators(self) -> list[np.random.Generator]:
+        """Of each copy."""
+
     def close(self) -> None:
         """Give threads and windows back."""
 
@@ -120,6 +129,19 @@ class Environments:
         truncated = (age >= self.horizon) & ~terminated
         self._age[rows] = np.where(terminated | truncated, -1, age)
         return Outcome(self._observe(position), position, reward, terminated, truncated)
+
+    def arrays(self) -> dict[str, FloatArray | IntArray]:
+        """Where all copies are; with `generators`, all that is needed to go on from here."""
+        return {"age": self._age.copy(), "state": self.physics.state()}
+
+    def restore(self, arrays: dict[str, FloatArray | IntArray]) -> None:
+        """Go on from there."""
+        self._age = np.array(arrays["age"], np.int64)
+        self.physics.restore(np.array(arrays["state"], np.float64))
+
+    def generators(self) -> list[np.random.Generator]:
+        """All that draw: starts of each copy, then noise."""
+        return [*self.physics.generators(), self._noise]
 
     def close(self) -> None:
         """Give threads back."""
@@ -201,6 +223,18 @@ class NativePhysics:
         terminated = self._task.terminated(motion)
         return self._observed(after), self._task.reward(motion, terminated), terminated
 
+    def state(self) -> FloatArray:
+        """MuJoCo's full physics."""
+        return self._state.copy()
+
+    def restore(self, state: FloatArray) -> None:
+        """MuJoCo's full physics."""
+        self._state = state.copy()
+
+    def generators(self) -> list[np.random.Generator]:
+        """Of each copy."""
+        return self._starts
+
     def close(self) -> None:
         """Give the threads back."""
         self._pool.close()
@@ -236,6 +270,26 @@ class GymnasiumPhysics:
         outcomes = [self._copies[row].step(one) for row, one in zip(rows, control, strict=True)]
         reward = np.array([float(outcome[1]) for outcome in outcomes])
         return self._observed(rows), reward, np.array([bool(outcome[2]) for outcome in outcomes])
+
+    def state(self) -> FloatArray:
+        """What MuJoCo integrates."""
+        kind = mujoco.mjtState.mjSTATE_INTEGRATION
+        states = np.zeros((len(self._copies), mujoco.mj_stateSize(self._copies[0].model, kind)))
+        for row, copy in zip(states, self._copies, strict=True):
+            mujoco.mj_getState(copy.model, copy.data, row, kind)
+        return states
+
+    def restore(self, state: FloatArray) -> None:
+        """What follows from the state is computed anew, and leaves it as it was."""
+        kind = mujoco.mjtState.mjSTATE_INTEGRATION
+        for row, copy in zip(state, self._copies, strict=True):
+            mujoco.mj_setState(copy.model, copy.data, row, kind)
+            mujoco.mj_forward(copy.model, copy.data)
+            mujoco.mj_setState(copy.model, copy.data, row, kind)
+
+    def generators(self) -> list[np.random.Generator]:
+        """Of each copy."""
+        return [copy.np_random for copy in self._copies]
 
     def close(self) -> None:
         """Close Gymnasium's environments."""
