@@ -3,8 +3,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from predplan.control.autoregression import fit_autoregression, residual_covariance, standardise, window_moments
 from predplan.control.filtering import filter_trajectories
-from predplan.control.innovation import InnovationSettings, fit_innovation, learn_basis, refit
+from predplan.control.innovation import (
+    InnovationSettings,
+    expected_future,
+    fit_innovation,
+    future_errors,
+    learn_basis,
+    refit,
+)
 from predplan.control.moments import second_moments
 from predplan.errors import InputError
 from tests.control.systems import example, kalman_predictions, simulate
@@ -122,3 +130,34 @@ def test_refits_keep_what_states_mean() -> None:
     np.testing.assert_array_equal(before, filter_trajectories(fit_innovation(first, SETTINGS), second).state)
     after = filter_trajectories(refit(basis, second, SETTINGS)[0], second).state
     assert np.mean((after - before) ** 2) < 0.03 * np.mean(before**2)
+
+
+def test_what_futures_will_differ_by_is_what_they_do() -> None:
+    """Observations after a window, of a system without actions, less those expected."""
+    system = replace(example(), B=np.zeros((3, 1)), D=np.zeros((2, 1)))
+    data = simulate(system, 3000, 25, np.random.default_rng(12))
+    standard = standardise(data)
+    layout, moments = window_moments(data, 15, standard)
+    regression = fit_autoregression(layout, moments, standard, 1e-8)
+    expected = future_errors(regression, residual_covariance(regression, moments), 4)
+    rows = np.flatnonzero(data.age == 15)
+    scaled = standard(data.observation)
+    past = scaled[rows[:, None] + np.arange(-15, 0)].reshape(len(rows), -1)
+    done = data.action[rows[:, None] + np.arange(-15, 0)].reshape(len(rows), -1)
+    window = np.concatenate([past, done], axis=1)
+    futures = scaled[rows[:, None] + np.arange(4)].reshape(len(rows), -1)
+    error = futures - (window - moments.mean[: window.shape[1]]) @ expected_future(regression, 4).T
+    np.testing.assert_allclose(np.cov(error.T), expected, atol=0.05 * np.abs(expected).max())
+
+
+def test_canonical_variates_keep_what_is_small_but_foretold() -> None:
+    """A third observation, tiny in what is foretold of it and yet wholly foretold, is among two components of four."""
+    data = simulate(example(), 200, 50, np.random.default_rng(13))
+    generator = np.random.default_rng(14)
+    hidden = 0.05 * np.sin(np.arange(50) * 0.7 + generator.uniform(0, 6, 200)[:, None]).ravel()
+    other = generator.standard_normal((len(hidden), 1))
+    data = data.with_observation(np.concatenate([data.observation, hidden[:, None] + 1e-3 * other], axis=1))
+    model = fit_innovation(data, replace(SETTINGS, dimension=2))
+    prediction = filter_trajectories(model, data).prediction
+    late = data.age > 15
+    assert np.var((prediction - data.observation)[late, 2]) < 0.05 * np.var(hidden)

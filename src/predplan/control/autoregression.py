@@ -110,6 +110,14 @@ def fit_autoregression(layout: Layout, moments: Moments, standard: Standard, lam
     return Autoregression(layout, standard, weights[:, :split], weights[:, split:], constant)
 
 
+def residual_covariance(model: Autoregression, moments: Moments) -> FloatArray:
+    """Covariance [O, O] of standardised observations less what is predicted, from the windows' moments."""
+    layout = model.layout
+    error = layout.observation - model.past @ layout.before - model.action @ layout.action
+    covariance: FloatArray = moments.mapped(error).covariance
+    return 0.5 * (covariance + covariance.T)
+
+
 def predict_next(model: Autoregression, trajectories: Trajectories) -> FloatArray:
     """Predictions [n, O] of each row, in the task's units; NaN where the window does not fit.
 
