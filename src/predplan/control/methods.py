@@ -1,0 +1,67 @@
+"""Ways to learn a policy: what it remembers, and how it is updated. Each is named as in chapter 5 and the report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
+
+from predplan.control.innovation import InnovationSettings
+from predplan.control.networks import NetworkSettings
+from predplan.control.ppo import PPOSettings
+from predplan.control.trpo import TRPOSettings
+from predplan.errors import InputError
+
+UpdateSettings: TypeAlias = PPOSettings | TRPOSettings
+
+
+@dataclass(frozen=True)
+class FilterSettings:
+    """How a predictive memory is learned from a policy's own steps."""
+
+    innovation: InnovationSettings = field(default_factory=lambda: InnovationSettings(starts=10, refits=0))
+    dimension: int = 0  # p; 0: twice the observations, positions and velocities
+    refit_every: int = 2  # updates; 0: never after the first batch
+    rows: int = 20_000  # latest ones that a refit is from
+    gap_rows: int = 8_000  # the same where observations are lost, which costs more
+    gap_iterations: int = 5  # of expectation maximisation a refit, from the moments known
+    compared: int = 4_000  # rows on which the policies with old and new filter are compared
+    most_divergence: float = 0.03  # KL by which a refit may move the policy
+
+
+@dataclass(frozen=True)
+class Method:
+    """A policy and its update."""
+
+    update: UpdateSettings = PPOSettings()
+    network: NetworkSettings = NetworkSettings()
+    window: int = 1  # last observations that it is told
+    filter: FilterSettings | None = None  # None: no predictive state
+    whitening_rows: int = 20_000  # by so many rows features are whitened, the latest counting fully
+    floor: float = 1e-5  # share of variance below which directions are not blown up
+
+    def __post_init__(self) -> None:
+        if self.window < (0 if self.filter else 1):
+            raise InputError(f"window: found {self.window}, expected at least 1 where there is no predictive state")
+
+
+METHODS = {
+    "rpsp": Method(window=0, filter=FilterSettings()),
+    "rpsp-obs": Method(window=1, filter=FilterSettings()),
+    "rpsp-frozen": Method(window=0, filter=FilterSettings(refit_every=0)),
+    "fm1": Method(window=1),
+    "fm2": Method(window=2),
+    "fm5": Method(window=5),
+    "fm10": Method(window=10),
+    "gru": Method(network=NetworkSettings(recurrent=32)),
+    "fm2-trpo": Method(window=2, update=TRPOSettings()),
+    "gru-trpo": Method(network=NetworkSettings(recurrent=32), update=TRPOSettings()),
+    "rpsp-trpo": Method(window=0, filter=FilterSettings(), update=TRPOSettings()),
+}
+"""By name."""
+
+
+def find_method(name: str) -> Method:
+    """Raises InputError where there is no such method."""
+    if name not in METHODS:
+        raise InputError(f"method: found {name!r}, expected one of {', '.join(METHODS)}")
+    return METHODS[name]

@@ -1,0 +1,71 @@
+"""The latest steps of every copy, as trajectories that begin where episodes began."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from predplan.control.memories import Arrays
+from predplan.control.sampling import Batch
+from predplan.control.trajectories import Trajectories
+
+NAMES = ("observation", "action", "reward", "terminated", "truncated", "begins")
+
+
+class Pool:
+    """Of each copy, rows of its latest episodes, the first of them whole."""
+
+    def __init__(self, copies: int, capacity: int) -> None:
+        """capacity, in rows of all copies, is exceeded by the start of an episode that goes on into it."""
+        self._capacity = max(1, capacity // copies)
+        self._rows: list[dict[str, NDArray[Any]]] = [{} for _ in range(copies)]
+
+    def add(self, batch: Batch) -> None:
+        """The steps of a batch."""
+        for copy, old in enumerate(self._rows):
+            new = _rows(batch, copy)
+            joined = {name: np.concatenate([old[name], new[name]]) if old else new[name] for name in NAMES}
+            starts = np.flatnonzero(joined["begins"])
+            kept = starts[starts <= max(len(joined["begins"]) - self._capacity, 0)][-1]
+            self._rows[copy] = {name: one[kept:] for name, one in joined.items()}
+
+    def trajectories(self) -> Trajectories:
+        """All episodes, those still running too."""
+        joined = {name: np.concatenate([rows[name] for rows in self._rows]) for name in NAMES}
+        begins = joined.pop("begins")
+        return Trajectories(**joined, first=np.concatenate([np.flatnonzero(begins), [len(begins)]]))
+
+    def running(self) -> Trajectories:
+        """The latest episode of each copy."""
+        every = self.trajectories()
+        last = np.cumsum([int(rows["begins"].sum()) for rows in self._rows]) - 1
+        return every.take(last)
+
+    def arrays(self) -> Arrays:
+        """What the pool holds."""
+        return {f"{name}.{copy}": one for copy, rows in enumerate(self._rows) for name, one in rows.items()}
+
+    def restore(self, arrays: Arrays) -> None:
+        """Hold that."""
+        for copy in range(len(self._rows)):
+            self._rows[copy] = {name: arrays[f"{name}.{copy}"] for name in NAMES if f"{name}.{copy}" in arrays}
+
+
+def _rows(batch: Batch, copy: int) -> dict[str, NDArray[Any]]:
+    """A row for each step, with the action and the observation it led to, and one for the start of each episode."""
+    begins = batch.begins[:-1, copy]
+    step = np.arange(len(begins)) + np.cumsum(begins)
+    start = step[begins] - 1
+    count = len(begins) + len(start)
+    observation = np.empty((count, batch.after.shape[2]))
+    observation[step], observation[start] = batch.after[:, copy], batch.observation[:-1, copy][begins]
+    rows: dict[str, NDArray[Any]] = {"observation": observation}
+    for name in ("action", "reward", "terminated", "truncated"):
+        of_steps = getattr(batch, name)[:, copy]
+        rows[name] = np.zeros((count, *of_steps.shape[1:]), of_steps.dtype)
+        rows[name][step] = of_steps
+    rows["begins"] = np.zeros(count, np.bool_)
+    rows["begins"][start] = True
+    return rows

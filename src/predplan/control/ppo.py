@@ -1,0 +1,107 @@
+"""Proximal policy optimisation in minibatches (Schulman et al. 2017), for policies with and without a core."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from predplan.control.adam import Adam
+from predplan.control.advantages import AdvantageSettings, Lesson, prepare
+from predplan.control.learner import Learner, UpdateReport
+from predplan.control.memories import Arrays
+from predplan.control.networks import ActorCritic, cut, divergence, log_probability
+from predplan.control.sampling import Batch
+from predplan.errors import InputError
+
+
+@dataclass(frozen=True)
+class PPOSettings:
+    """One update."""
+
+    rate: float = 1e-3  # of Adam
+    epochs: int = 10
+    minibatch: int = 256  # steps; with a core, as many copies as come nearest
+    clip: float = 0.2  # of probability ratios
+    most_divergence: float = 0.05  # epochs end beyond it
+    largest_gradient: float = 0.5  # norm
+    advantages: AdvantageSettings = AdvantageSettings()
+
+    def __post_init__(self) -> None:
+        for name in ("rate", "epochs", "minibatch", "clip", "most_divergence", "largest_gradient"):
+            if not getattr(self, name) > 0:
+                raise InputError(f"{name}: found {getattr(self, name)}, expected a number above 0")
+
+
+class PPO:
+    """Adam goes on from update to update."""
+
+    def __init__(self, learner: Learner, settings: PPOSettings) -> None:
+        self._settings, self._adam = settings, Adam(learner.network, settings.rate)
+
+    def __call__(self, learner: Learner, batch: Batch, generator: np.random.Generator) -> UpdateReport:
+        """Epochs of minibatches, until the policy has moved by the divergence allowed."""
+        settings, network = self._settings, learner.network
+        lesson = prepare(batch, network, learner.whitening, settings.advantages)
+        skipped, moved = 0, 0.0
+        for _ in range(settings.epochs):
+            moved = 0.0
+            for rows in self._minibatches(lesson, network, generator):
+                part = pick(lesson, network, rows)
+                mean = network.actor(part.known)
+                ratio = torch.exp(log_probability(mean, network.log_deviation, part.drawn) - part.log_probability)
+                clipped = ratio.clamp(1.0 - settings.clip, 1.0 + settings.clip)
+                gain = torch.minimum(ratio * part.advantage, clipped * part.advantage).mean()
+                error = ((network.scaled_values(part.known) - part.target) ** 2).mean()
+                with torch.no_grad():
+                    apart = divergence(part.mean, lesson.log_deviation, mean, network.log_deviation)
+                    moved += float(apart.sum()) / batch.steps
+                skipped += not self._adam.step(0.5 * error - gain, settings.largest_gradient)
+            if moved > settings.most_divergence:
+                break
+        return UpdateReport(moved, lesson.missed, network.entropy, skipped)
+
+    def _minibatches(
+        self, lesson: Lesson, network: ActorCritic, generator: np.random.Generator
+    ) -> list[NDArray[np.int64]]:
+        steps, n = lesson.advantage.numel(), lesson.advantage.shape[1]
+        parts = max(1, round(steps / self._settings.minibatch))
+        if network.core is None:
+            return np.array_split(generator.permutation(steps), parts)
+        return np.array_split(generator.permutation(n), min(parts, n))
+
+    def arrays(self) -> Arrays:
+        """Adam's."""
+        return self._adam.arrays()
+
+    def restore(self, arrays: Arrays) -> None:
+        """Adam's."""
+        self._adam.restore(arrays)
+
+
+@dataclass(frozen=True)
+class Part:
+    """Steps of a lesson, and what actor and critic read there."""
+
+    known: Tensor  # [m, ...]
+    mean: Tensor  # [m, A]
+    drawn: Tensor  # [m, A]
+    log_probability: Tensor  # [m]
+    advantage: Tensor  # [m]
+    target: Tensor  # [m]
+
+
+def pick(lesson: Lesson, network: ActorCritic, rows: NDArray[np.int64]) -> Part:
+    """Those steps of the flattened lesson; with a core, all steps of those copies."""
+    features = lesson.features.flatten(0, 1)
+    if network.core is None:
+        index = torch.from_numpy(rows)
+        known = features[index]
+    else:
+        pieces = cut(lesson.begins, np.sort(rows))
+        known, index = network.unrolled(features, pieces, lesson.core), pieces.rows[pieces.inside]
+    flat = (one.flatten(0, 1)[index] for one in (lesson.mean, lesson.drawn))
+    return Part(known, *flat, *(one.flatten()[index] for one in (lesson.log_probability, lesson.advantage, lesson.target)))

@@ -1,0 +1,50 @@
+"""A filter learned anew from a policy's latest steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from predplan.control.autoregression import Standard, standardise, window_moments
+from predplan.control.innovation import InnovationSettings, fit_basis, fit_in_basis
+from predplan.control.linear_filter import LinearFilter
+from predplan.control.moments import Moments
+from predplan.control.trajectories import Trajectories
+from predplan.errors import InputError
+
+
+@dataclass(frozen=True)
+class Known:
+    """Moments that the last fit found, for the next one to begin at."""
+
+    standard: Standard
+    past: int
+    moments: Moments
+
+
+def learn_filter(
+    trajectories: Trajectories, settings: InnovationSettings, known: Known | None, iterations: int
+) -> tuple[LinearFilter, Known]:
+    """The innovation form of these trajectories. Where observations are lost, iterations of maximisation go on."""
+    past = fitting_past(trajectories, settings.past)
+    settings = replace(settings, past=past)
+    standard = known.standard if known else standardise(trajectories)
+    begin = known.moments if known and known.past == past else None
+    layout, moments = window_moments(trajectories, past, standard, iterations if begin else 100, begin)
+    basis = fit_basis(layout, moments, standard, settings)
+    return fit_in_basis(basis, moments, trajectories, settings), Known(standard, past, moments)
+
+
+def fitting_past(trajectories: Trajectories, most: int) -> int:
+    """The longest past, up to most, of which at least half as many windows fit as of a past of 2.
+
+    Falling poles last a few steps: what is learned from those few that last long would be of these alone.
+    """
+    def windows(past: int) -> int:
+        return int(np.maximum(trajectories.lengths - past, 0).sum())
+
+    if windows(2) < 2:
+        longest = int(trajectories.lengths.max())
+        raise InputError(f"trajectories: the longest has {longest} rows, a filter needs windows of 3")
+    return max(past for past in range(2, max(most, 2) + 1) if windows(past) >= 0.5 * windows(2))
