@@ -22,27 +22,29 @@ class Adam:
         size = sum(one.numel() for one in self._parameters)
         self._first, self._second, self._count = torch.zeros(size), torch.zeros(size), 0
 
-    @torch.no_grad()
     def step(self, loss: Tensor, largest: float) -> bool:
-        """One step down the gradient, its norm at most `largest`; False, and no step, where it is not finite."""
-        gradients = torch.autograd.grad(loss, self._parameters, allow_unused=True)
-        flat = torch.cat(
-            [
-                (torch.zeros_like(one) if gradient is None else gradient).reshape(-1)
-                for one, gradient in zip(self._parameters, gradients, strict=True)
-            ]
-        ).to(self._first.dtype)
-        norm = float(flat.norm())
+        """One step down the loss, its gradient's norm at most `largest`; False, and no step, if it is not finite."""
+        return self.follow(self.gradient(loss), largest)
+
+    def gradient(self, loss: Tensor) -> Tensor:
+        """Of the loss by all parameters, one vector; 0 where it does not depend on one."""
+        gradients = torch.autograd.grad(loss, self._parameters, allow_unused=True, retain_graph=True)
+        both = zip(self._parameters, gradients, strict=True)
+        return torch.cat([(torch.zeros_like(one) if slope is None else slope).reshape(-1).float() for one, slope in both])
+
+    @torch.no_grad()
+    def follow(self, gradient: Tensor, largest: float) -> bool:
+        """The same with a gradient that is known."""
+        norm = float(gradient.norm())
         if not np.isfinite(norm):
             return False
-        flat *= min(1.0, largest / max(norm, 1e-12))
+        gradient = gradient * min(1.0, largest / max(norm, 1e-12))
         self._count += 1
         first, second = self._betas
-        self._first.mul_(first).add_(flat, alpha=1.0 - first)
-        self._second.mul_(second).addcmul_(flat, flat, value=1.0 - second)
+        self._first.mul_(first).add_(gradient, alpha=1.0 - first)
+        self._second.mul_(second).addcmul_(gradient, gradient, value=1.0 - second)
         rate = self.rate / (1.0 - first**self._count)
-        spread = (self._second / (1.0 - second**self._count)).sqrt_().add_(1e-5)
-        change = self._first / spread
+        change = self._first / (self._second / (1.0 - second**self._count)).sqrt_().add_(1e-5)
         at = 0
         for one in self._parameters:
             one.sub_(change[at : at + one.numel()].view_as(one), alpha=rate)

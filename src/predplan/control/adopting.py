@@ -13,8 +13,9 @@ import numpy as np
 import torch
 
 from predplan.control.advantages import whitened
-from predplan.control.filtering import FilterState, PredictiveModel, filter_trajectories
+from predplan.control.filtering import FilterState, filter_trajectories
 from predplan.control.learner import Learner
+from predplan.control.linear_filter import LinearFilter
 from predplan.control.memories import predictive_features
 from predplan.control.networks import divergence
 from predplan.control.tasks import FloatArray
@@ -32,7 +33,7 @@ class Adoption:
 
 def adopt(
     learner: Learner,
-    model: PredictiveModel,
+    model: LinearFilter,
     trajectories: Trajectories,
     window: int,
     centre: FloatArray,
@@ -68,7 +69,7 @@ def adopt(
     return Adoption(True, apart)
 
 
-def states_at_end(model: PredictiveModel, trajectories: Trajectories) -> FilterState:
+def states_at_end(model: LinearFilter, trajectories: Trajectories) -> FilterState:
     """Of each trajectory, after its last row."""
     first, lengths = trajectories.first[:-1], trajectories.lengths
     state = model.initial(len(lengths))

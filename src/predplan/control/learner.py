@@ -7,9 +7,10 @@ from typing import Protocol
 
 import numpy as np
 
-from predplan.control.filtering import PredictiveModel
+from predplan.control.linear_filter import LinearFilter
 from predplan.control.memories import Arrays
 from predplan.control.networks import ActorCritic
+from predplan.control.pool import Pool
 from predplan.control.sampling import Batch
 from predplan.control.whitening import Statistics, Whitening, carry_over, whiten
 
@@ -21,7 +22,7 @@ class Learner:
     network: ActorCritic
     statistics: Statistics  # of features
     whitening: Whitening
-    model: PredictiveModel | None = None
+    model: LinearFilter | None = None
 
     def see(self, features: np.ndarray, most: float, floor: float) -> None:
         """Whiten by features [..., F] too, the policy and its values staying what they are."""
@@ -45,11 +46,11 @@ class UpdateReport:
 class Update(Protocol):
     """Of policy, values and model, by a batch."""
 
-    def __call__(self, learner: Learner, batch: Batch, generator: np.random.Generator) -> UpdateReport:
-        """Change the learner."""
+    def __call__(self, learner: Learner, batch: Batch, history: Pool, generator: np.random.Generator) -> UpdateReport:
+        """Change the learner. history ends with the batch, and holds its episodes from their beginnings."""
 
     def arrays(self) -> Arrays:
         """All that is needed to go on from here."""
 
-    def restore(self, arrays: Arrays) -> None:
-        """Go on from there."""
+    def restore(self, learner: Learner, arrays: Arrays) -> None:
+        """Go on from there, with the learner as it was then."""

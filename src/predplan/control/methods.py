@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from predplan.control.innovation import InnovationSettings
+from predplan.control.joint import AlternatingSettings, JointSettings, VRPGSettings
 from predplan.control.networks import NetworkSettings
 from predplan.control.ppo import PPOSettings
 from predplan.control.trpo import TRPOSettings
 from predplan.errors import InputError
 
-UpdateSettings: TypeAlias = PPOSettings | TRPOSettings
+UpdateSettings: TypeAlias = PPOSettings | TRPOSettings | VRPGSettings | AlternatingSettings
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,13 @@ METHODS = {
     "fm5": Method(window=5),
     "fm10": Method(window=10),
     "gru": Method(network=NetworkSettings(recurrent=32)),
+    "rpsp-vrpg": Method(window=0, filter=FilterSettings(), update=VRPGSettings()),
+    "rpsp-alt": Method(window=0, filter=FilterSettings(), update=AlternatingSettings()),
+    "rpsp-reactive": Method(
+        window=0,
+        filter=FilterSettings(refit_every=0),
+        update=VRPGSettings(JointSettings(prediction=0.0, rate=3e-3, steps=5)),
+    ),
     "fm2-trpo": Method(window=2, update=TRPOSettings()),
     "gru-trpo": Method(network=NetworkSettings(recurrent=32), update=TRPOSettings()),
     "rpsp-trpo": Method(window=0, filter=FilterSettings(), update=TRPOSettings()),

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from predplan.control.memories import Arrays
 from predplan.control.sampling import Batch
+from predplan.control.tasks import BoolArray, IntArray
 from predplan.control.trajectories import Trajectories
 
 NAMES = ("observation", "action", "reward", "terminated", "truncated", "begins")
@@ -33,9 +34,19 @@ class Pool:
 
     def trajectories(self) -> Trajectories:
         """All episodes, those still running too."""
-        joined = {name: np.concatenate([rows[name] for rows in self._rows]) for name in NAMES}
-        begins = joined.pop("begins")
-        return Trajectories(**joined, first=np.concatenate([np.flatnonzero(begins), [len(begins)]]))
+        return _joined(self._rows)
+
+    def of_batch(self, batch: Batch) -> tuple[Trajectories, IntArray]:
+        """The episodes of the batch just added, from their beginnings, and the rows [T, n] after which it acted."""
+        parts, rows, at = [], [], 0
+        for copy, kept in enumerate(self._rows):
+            begins = batch.begins[:-1, copy]
+            acted = len(kept["begins"]) - len(begins) - int(begins.sum()) + _steps(begins) - 1
+            start = np.flatnonzero(kept["begins"][: acted[0] + 1])[-1]
+            parts.append({name: one[start:] for name, one in kept.items()})
+            rows.append(acted - start + at)
+            at += len(kept["begins"]) - start
+        return _joined(parts), np.array(rows).T
 
     def running(self) -> Trajectories:
         """The latest episode of each copy."""
@@ -53,10 +64,22 @@ class Pool:
             self._rows[copy] = {name: arrays[f"{name}.{copy}"] for name in NAMES if f"{name}.{copy}" in arrays}
 
 
+def _joined(parts: list[dict[str, NDArray[Any]]]) -> Trajectories:
+    joined = {name: np.concatenate([part[name] for part in parts]) for name in NAMES}
+    begins = joined.pop("begins")
+    return Trajectories(**joined, first=np.concatenate([np.flatnonzero(begins), [len(begins)]]))
+
+
+def _steps(begins: BoolArray) -> IntArray:
+    """Rows of the steps, among which each beginning takes a row of its own before its step."""
+    rows: IntArray = np.arange(len(begins)) + np.cumsum(begins)
+    return rows
+
+
 def _rows(batch: Batch, copy: int) -> dict[str, NDArray[Any]]:
     """A row for each step, with the action and the observation it led to, and one for the start of each episode."""
     begins = batch.begins[:-1, copy]
-    step = np.arange(len(begins)) + np.cumsum(begins)
+    step = _steps(begins)
     start = step[begins] - 1
     count = len(begins) + len(start)
     observation = np.empty((count, batch.after.shape[2]))

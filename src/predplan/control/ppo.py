@@ -14,6 +14,7 @@ from predplan.control.advantages import AdvantageSettings, Lesson, prepare
 from predplan.control.learner import Learner, UpdateReport
 from predplan.control.memories import Arrays
 from predplan.control.networks import ActorCritic, cut, divergence, log_probability
+from predplan.control.pool import Pool
 from predplan.control.sampling import Batch
 from predplan.errors import InputError
 
@@ -42,7 +43,7 @@ class PPO:
     def __init__(self, learner: Learner, settings: PPOSettings) -> None:
         self._settings, self._adam = settings, Adam(learner.network, settings.rate)
 
-    def __call__(self, learner: Learner, batch: Batch, generator: np.random.Generator) -> UpdateReport:
+    def __call__(self, learner: Learner, batch: Batch, history: Pool, generator: np.random.Generator) -> UpdateReport:
         """Epochs of minibatches, until the policy has moved by the divergence allowed."""
         settings, network = self._settings, learner.network
         lesson = prepare(batch, network, learner.whitening, settings.advantages)
@@ -77,7 +78,7 @@ class PPO:
         """Adam's."""
         return self._adam.arrays()
 
-    def restore(self, arrays: Arrays) -> None:
+    def restore(self, learner: Learner, arrays: Arrays) -> None:
         """Adam's."""
         self._adam.restore(arrays)
 

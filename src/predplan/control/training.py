@@ -8,18 +8,21 @@ that a training is in the middle of can be put away and gone on with exactly.
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 import torch
 
 from predplan.control.adopting import adopt, states_at_end
+from predplan.control.autoregression import Standard
 from predplan.control.environments import Environments, EnvironmentSettings
+from predplan.control.joint import VRPG, Alternating, AlternatingSettings, VRPGSettings
 from predplan.control.learner import Learner, Update
 from predplan.control.linear_filter import LinearFilter
 from predplan.control.memories import Arrays, Memory, Predictive, Window, under
 from predplan.control.methods import FilterSettings, Method
+from predplan.control.moments import Moments
 from predplan.control.networks import ActorCritic
 from predplan.control.pool import Pool
 from predplan.control.ppo import PPO, PPOSettings
@@ -27,7 +30,7 @@ from predplan.control.refitting import Known, learn_filter
 from predplan.control.sampling import Batch, Episodes, Sampler, replay
 from predplan.control.tasks import FloatArray
 from predplan.control.trpo import TRPO, TRPOSettings
-from predplan.control.whitening import no_statistics, no_whitening
+from predplan.control.whitening import Statistics, Whitening, no_statistics, no_whitening
 from predplan.errors import InputError, PredplanError
 
 
@@ -104,9 +107,10 @@ class Training:
         self.steps += batch.steps
         self.updates += 1
         self.learner.see(batch.features[:-1], self.method.whitening_rows, self.method.floor)
-        report = self._update(self.learner, batch, self._learning)
+        report = self._update(self.learner, batch, self._pool, self._learning)
         self._skipped += report.skipped
-        refitted, moved = self._refit(batch)
+        refitted, moved = self._refit()
+        self._follow_model()
         self._check()
         self._cpu += time.process_time() - began
         error = np.nanmean(batch.error / self._variance) if np.isfinite(batch.error).any() else np.nan
@@ -127,6 +131,61 @@ class Training:
             skipped=self._skipped + self._skipped_by_filter(),
             cpu_s=self._cpu,
         )
+
+    def put_away(self) -> tuple[Arrays, dict[str, Any]]:
+        """All that is needed to go on exactly from here: arrays by name, and what JSON can hold."""
+        learner = self.learner
+        parts: dict[str, Arrays] = {
+            "environments": dict(self.environments.arrays()),
+            "sampler": self.sampler.arrays(),
+            "pool": self._pool.arrays(),
+            "update": self._update.arrays(),
+            "network": {name: one.numpy() for name, one in learner.network.state_dict().items()},
+            "statistics": _arrays(learner.statistics),
+            "whitening": _arrays(learner.whitening),
+        }
+        if learner.model is not None:
+            parts["model"] = _arrays(learner.model)
+        if self._known is not None:
+            parts["standard"], parts["moments"] = _arrays(self._known.standard), _arrays(self._known.moments)
+        if self._variance is not None:
+            parts["variance"] = {"explored": self._variance}
+        arrays = {f"{part}.{name}": one for part, named in parts.items() for name, one in named.items()}
+        generators = [self._acting, self._learning, *self.environments.generators()]
+        return arrays, {
+            "generators": [one.bit_generator.state for one in generators],
+            "updates": self.updates,
+            "steps": self.steps,
+            "skipped": self._skipped,
+            "cpu_s": self._cpu,
+            "past": self._known.past if self._known else 0,
+        }
+
+    def take_up(self, arrays: Arrays, rest: dict[str, Any]) -> None:
+        """Go on from what `put_away` gave, of the same task, method, schedule and seed."""
+        self.updates, self.steps = int(rest["updates"]), int(rest["steps"])
+        self._skipped, self._cpu = int(rest["skipped"]), float(rest["cpu_s"])
+        learner = self.learner
+        learner.statistics = Statistics(**_fields(under(arrays, "statistics")))
+        learner.whitening = Whitening(**_fields(under(arrays, "whitening")))
+        weights = under(arrays, "network")
+        learner.network.load_state_dict({name: torch.from_numpy(np.array(one)) for name, one in weights.items()})
+        if model := under(arrays, "model"):
+            learner.model = LinearFilter(**_fields(model))
+            self.sampler.memory = self._predictive(learner.model)
+        if moments := under(arrays, "moments"):
+            standard = Standard(**_fields(under(arrays, "standard")))
+            self._known = Known(standard, int(rest["past"]), Moments(**_fields(moments)))
+        if variance := under(arrays, "variance"):
+            self._variance = np.array(variance["explored"], np.float64)
+        self._update = make_update(self.method, learner)
+        self._update.restore(learner, under(arrays, "update"))
+        self._pool.restore(under(arrays, "pool"))
+        self.environments.restore(under(arrays, "environments"))
+        self.sampler.restore(under(arrays, "sampler"))
+        generators = [self._acting, self._learning, *self.environments.generators()]
+        for generator, state in zip(generators, rest["generators"], strict=True):
+            generator.bit_generator.state = state
 
     def _first(self) -> tuple[Batch, Episodes]:
         """The blind batch; a predictive memory is made of it."""
@@ -154,7 +213,7 @@ class Training:
             self._pool.add(batch)
         return batch, episodes
 
-    def _refit(self, batch: Batch) -> tuple[bool, float]:
+    def _refit(self) -> tuple[bool, float]:
         """Learn the filter anew, where that is due and the policy stays what it was; whether, and how far it moves."""
         settings = self.method.filter
         if settings is None or settings.refit_every == 0 or self.updates % settings.refit_every:
@@ -170,14 +229,13 @@ class Training:
         adoption = adopt(
             self.learner, model, compared, method.window, self._centre, settings.most_divergence, method.floor
         )
-        if adoption.accepted:
-            self._adopt_states()
         return adoption.accepted, adoption.divergence
 
-    def _adopt_states(self) -> None:
-        """Filter the running episodes from their beginning with the learner's model."""
+    def _follow_model(self) -> None:
+        """Where the learner's model is another now, filter the running episodes with it from their beginnings."""
         memory = self.sampler.memory
-        assert isinstance(memory, Predictive) and self.learner.model is not None
+        if not isinstance(memory, Predictive) or self.learner.model is None or memory.model is self.learner.model:
+            return
         memory.model = self.learner.model
         memory.state = replace(states_at_end(memory.model, self._pool.running()), skipped=memory.state.skipped)
         self.sampler.begin_anew()
@@ -208,9 +266,24 @@ class Training:
 
 def make_update(method: Method, learner: Learner) -> Update:
     """The update that the method's settings are of."""
-    if isinstance(method.update, PPOSettings):
-        return PPO(learner, method.update)
-    return TRPO(learner, method.update)
+    match method.update:
+        case PPOSettings():
+            return PPO(learner, method.update)
+        case TRPOSettings():
+            return TRPO(learner, method.update)
+        case VRPGSettings():
+            return VRPG(learner, method.update)
+        case AlternatingSettings():
+            return Alternating(learner, method.update)
+
+
+def _arrays(record: Any) -> Arrays:
+    return {one.name: np.array(getattr(record, one.name)) for one in fields(record)}
+
+
+def _fields(arrays: Arrays) -> dict[str, Any]:
+    """The fields that `_arrays` took apart; an array of no axes was a number."""
+    return {name: one.item() if one.ndim == 0 else np.array(one) for name, one in arrays.items()}
 
 
 def _rows(settings: FilterSettings | None, task: EnvironmentSettings) -> int:

@@ -14,6 +14,7 @@ from predplan.control.advantages import AdvantageSettings, Lesson, prepare
 from predplan.control.learner import Learner, UpdateReport
 from predplan.control.memories import Arrays
 from predplan.control.networks import ActorCritic, divergence, log_probability
+from predplan.control.pool import Pool
 from predplan.control.ppo import pick
 from predplan.control.sampling import Batch
 from predplan.errors import InputError
@@ -45,7 +46,7 @@ class TRPO:
     def __init__(self, learner: Learner, settings: TRPOSettings) -> None:
         self._settings, self._adam = settings, Adam(learner.network.critic, settings.rate)
 
-    def __call__(self, learner: Learner, batch: Batch, generator: np.random.Generator) -> UpdateReport:
+    def __call__(self, learner: Learner, batch: Batch, history: Pool, generator: np.random.Generator) -> UpdateReport:
         """A natural step of the policy, a core included, then values by regression."""
         settings, network = self._settings, learner.network
         lesson = prepare(batch, network, learner.whitening, settings.advantages)
@@ -57,7 +58,7 @@ class TRPO:
         """Adam's."""
         return self._adam.arrays()
 
-    def restore(self, arrays: Arrays) -> None:
+    def restore(self, learner: Learner, arrays: Arrays) -> None:
         """Adam's."""
         self._adam.restore(arrays)
 

@@ -83,4 +83,4 @@ def carry_over(weight: torch.Tensor, bias: torch.Tensor, matrix: FloatArray, off
     before = weight.double().numpy()
     through = np.linalg.solve(new.matrix.T, (before @ matrix).T).T
     bias += torch.from_numpy(before @ (matrix @ new.mean + offset)).to(bias.dtype)
-    weight.data = torch.from_numpy(through).to(weight.dtype)
+    weight.data = torch.from_numpy(np.ascontiguousarray(through)).to(weight.dtype)
