@@ -6,9 +6,10 @@ A recursion in torch costs a dispatch for each operation of each row, forward an
 the arithmetic. Here both run in one compiled loop, and what the loop leaves is a product of matrices for each
 parameter. With g the loss's derivative by q' (before clipping) and h = K_t' g by e, going back in time,
 
-    dL/dq = A' g - C' h,    dL/dA = g q',  dL/dB = g a',  dL/dc = g,  dL/dK = g e',  dL/dC = -h q',  dL/dD = -h a'.
+    dL/dq = A' g - C' h,    dL/dA = g q',  dL/dB = g a',  dL/dc = g,  dL/dK_t = g e',  dL/dC = -h q',  dL/dD = -h a'.
 
-Gains are constants of a model (`linear_filter.gains`): the derivative by K is that of K_t = constant + K.
+In `DifferentiableFilter` gains are constants of a model (`linear_filter.gains`), and the derivative by K is that of
+K_t = constant + K; refinement has gains that are differentiable themselves (`riccati`).
 """
 
 from __future__ import annotations
@@ -57,24 +58,37 @@ class DifferentiableFilter(torch.nn.Module):
         state is initial_mean. -> before [T, n, p], after [T, n, p], prediction [T, n, O] in the task's units. Nothing
         is skipped here: parameters that do not keep states finite give a loss that is not.
         """
-        start, action, gain = start.double(), action.double(), gain.double()
         scaled = (observation.double() - self.shift) / self.scale
-        learned = [getattr(self, name) for name in LEARNED]
-        both: tuple[Tensor, Tensor] = _Recursion.apply(  # type: ignore[no-untyped-call]
-            *learned, start, action, scaled, gain, reset, self.limit
+        before, after = filter_rows(
+            {name: getattr(self, name) for name in LEARNED},
+            (start.double(), action.double(), scaled, gain.double(), reset),
+            self.limit,
         )
-        before, after = both
-        expected = before @ self.C.T + action @ self.D.T + self.d
+        expected = before @ self.C.T + action.double() @ self.D.T + self.d
         return before, after, expected * self.scale + self.shift
 
     def to_model(self, model: LinearFilter) -> LinearFilter:
         """The model with these parameters.
 
-        Its S and initial_covariance are kept: they are of errors, which no gradient here reaches. Who has changed the
-        parameters far refits them on data (`refinement.refreshed`).
+        Its S and initial_covariance are kept: no gradient here reaches them, and gains depend on their ratio, not on
+        their size. Who has moved the parameters far learns them anew from data (`refinement`, `innovation.fit_start`).
         """
         learned = {name: getattr(self, name).detach().numpy().copy() for name in LEARNED}
         return replace(model, **learned)
+
+
+def filter_rows(
+    learned: dict[str, Tensor], given: tuple[Tensor, Tensor, Tensor, Tensor, Tensor], limit: float
+) -> tuple[Tensor, Tensor]:
+    """States before and after each row [T, n, p], of parameters by the names of LEARNED.
+
+    given: as of `DifferentiableFilter.forward`, observations standardised. Gradients reach K_t where gain wants them,
+    and K where K does.
+    """
+    both: tuple[Tensor, Tensor] = _Recursion.apply(  # type: ignore[no-untyped-call]
+        *(learned[name] for name in LEARNED), *given, limit
+    )
+    return both
 
 
 class _Recursion(torch.autograd.Function):
@@ -102,10 +116,11 @@ class _Recursion(torch.autograd.Function):
         g, h = np.empty_like(before), np.zeros_like(innovation)
         by_mean, by_start = np.zeros(before.shape[2]), np.zeros(before.shape[1:])
         _backward(A, C, (by_before, by_after), gain, seen, reset, after, shrink, g, h, by_mean, by_start)
+        by_gain = torch.from_numpy(g[..., :, None] * innovation[..., None, :]) if ctx.needs_input_grad[11] else None
         g, h = g.reshape(-1, g.shape[2]), h.reshape(-1, h.shape[2])
         q, a, e = (one.reshape(-1, one.shape[2]) for one in (before, action, innovation))
         learned = (g.T @ q, g.T @ a, g.sum(axis=0), g.T @ e, -h.T @ q, -h.T @ a, -h.sum(axis=0), by_mean, by_start)
-        return *(torch.from_numpy(np.ascontiguousarray(one)) for one in learned), None, None, None, None, None
+        return *(torch.from_numpy(np.ascontiguousarray(one)) for one in learned), None, None, by_gain, None, None
 
 
 def _array(tensor: Tensor) -> NDArray[Any]:
