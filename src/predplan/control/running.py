@@ -1,0 +1,144 @@
+"""Whole runs: from a checkpoint where there is one, to the last step or to where learning diverged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from predplan.artifacts.tensors import read_tensors, write_tensors
+from predplan.control.environments import EnvironmentSettings
+from predplan.control.methods import find_method
+from predplan.control.policies import Learned
+from predplan.control.training import Diverged, Progress, Schedule, Training
+from predplan.errors import InputError
+
+KIND = "predplan training"
+THRESHOLDS = {"cartpole": 195.0}
+"""Mean returns at which a task counts as solved."""
+SMOOTHED = 5
+"""Batches whose mean return is held against the threshold."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """What is to be learned."""
+
+    task: EnvironmentSettings
+    method: str
+    schedule: Schedule
+    seed: int
+
+
+@dataclass(frozen=True)
+class Run:
+    """What came of it."""
+
+    order: Order
+    progress: list[Progress]
+    learned: Learned
+    reason: str  # 'finished', or 'diverged: ...'
+
+
+def run(
+    order: Order, checkpoint: Path | None = None, every: int = 20, report: Callable[[Progress], None] | None = None
+) -> Run:
+    """Learn. With a checkpoint, go on from it, put everything away every so many updates, and at the end.
+
+    Raises InputError for an unknown task or method, and where the checkpoint is damaged or of another order.
+    """
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        training = Training(order.task, find_method(order.method), order.schedule, order.seed)
+        with training.environments:
+            progress = _resume(training, order, checkpoint) if checkpoint and checkpoint.exists() else []
+            reason = "finished"
+            while not training.done:
+                try:
+                    progress.append(training.advance())
+                except Diverged as error:
+                    reason = f"diverged: {error}"
+                    break
+                if report:
+                    report(progress[-1])
+                if checkpoint and (training.updates % every == 0 or training.done):
+                    _put_away(training, order, progress, checkpoint)
+            return Run(order, progress, _learned(training, order), reason)
+    finally:
+        torch.set_num_threads(threads)
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A run in a few numbers."""
+
+    mean_return: float  # area under return against steps, over steps
+    final_return: float  # over the last tenth of the steps
+    steps_to_threshold: int | None  # None: never, or the task has no threshold
+
+
+def summarise_run(progress: list[Progress], task: str) -> Summary:
+    """Returns of batches in which no episode ended are those of the batches around them."""
+    steps = np.array([one.steps for one in progress], np.float64)
+    returns = np.array([one.return_mean for one in progress])
+    known = np.isfinite(returns)
+    if not known.any():
+        return Summary(float("nan"), float("nan"), None)
+    grid = np.linspace(0.0, steps[-1], 1001)
+    curve = np.interp(grid, steps[known], returns[known])
+    filled = np.interp(steps, steps[known], returns[known])
+    threshold, reached = THRESHOLDS.get(task), None
+    if threshold is not None:
+        smooth = np.convolve(filled, np.full(SMOOTHED, 1.0 / SMOOTHED), mode="valid")
+        passed = np.flatnonzero(smooth >= threshold)
+        reached = int(steps[passed[0] + SMOOTHED - 1]) if len(passed) else None
+    return Summary(float(curve.mean()), float(curve[grid >= 0.9 * steps[-1]].mean()), reached)
+
+
+def _learned(training: Training, order: Order) -> Learned:
+    learner, environments = training.learner, training.environments
+    return Learned(
+        order.task,
+        order.method,
+        training.method,
+        environments.observation_size,
+        environments.action_size,
+        learner.network,
+        learner.whitening,
+        learner.model,
+    )
+
+
+def _sheet(order: Order) -> dict[str, object]:
+    task = {name: value for name, value in asdict(order.task).items() if name != "threads"}
+    return {"task": _plain(task), "method": order.method, "schedule": asdict(order.schedule), "seed": order.seed}
+
+
+def _put_away(training: Training, order: Order, progress: list[Progress], path: Path) -> None:
+    arrays, rest = training.put_away()
+    columns = {f"progress.{name}": np.array([getattr(one, name) for one in progress]) for name in asdict(progress[0])}
+    write_tensors(path, arrays | columns, KIND, {"order": _sheet(order), "training": rest})
+
+
+def _resume(training: Training, order: Order, path: Path) -> list[Progress]:
+    arrays, sheet = read_tensors(path, KIND)
+    for name, wanted in _sheet(order).items():
+        if sheet.get("order", {}).get(name) != wanted:
+            raise InputError(f"{path}: {name}: found {sheet['order'].get(name)}, expected {wanted}; choose another folder")
+    try:
+        training.take_up({name: one for name, one in arrays.items() if not name.startswith("progress.")}, sheet["training"])
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        raise InputError(f"{path}: damaged: {error!r}") from error
+    columns = {name.removeprefix("progress."): one.tolist() for name, one in arrays.items() if name.startswith("progress.")}
+    return [Progress(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True)]
+
+
+def _plain(value: object) -> object:
+    """As JSON gives it back: tuples are lists."""
+    if isinstance(value, dict):
+        return {name: _plain(one) for name, one in value.items()}
+    return [_plain(one) for one in value] if isinstance(value, tuple | list) else value
