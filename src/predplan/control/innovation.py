@@ -195,13 +195,19 @@ def fit_in_basis(
 
 
 def refit_prediction(model: LinearFilter, trajectories: Trajectories, settings: InnovationSettings) -> LinearFilter:
-    """Fit W_pred = (C, D, d) on filtered states, the update q' ~ [1, q, a, o] left as it is."""
+    """Fit W_pred = (C, D, d) on filtered states, the update q' ~ [1, q, a, o] left as it is.
+
+    S is fitted anew only where nothing is missing: after a gap errors are larger than innovations.
+    """
     filtered = filter_trajectories(model, trajectories)
     moments, p = _prediction_moments(filtered, model, trajectories, settings.past), model.state_size
     actions = model.B.shape[1]
     weights = ridge(moments, slice(0, p + actions), slice(p + actions, None), settings.lam)
-    known = moments.covariance[: p + actions, : p + actions]
-    S = moments.covariance[p + actions :, p + actions :] - weights @ known @ weights.T
+    S = model.S
+    if trajectories.seen.all():
+        known = moments.covariance[: p + actions, : p + actions]
+        S = moments.covariance[p + actions :, p + actions :] - weights @ known @ weights.T
+        S = _floored(S + settings.lam * np.eye(len(S)))
     C, D = weights[:, :p], weights[:, p:]
     d = moments.mean[p + actions :] - weights @ moments.mean[: p + actions]
     changed = replace(
@@ -212,7 +218,7 @@ def refit_prediction(model: LinearFilter, trajectories: Trajectories, settings: 
         C=C,
         D=D,
         d=d,
-        S=_floored(S + settings.lam * np.eye(len(S))),
+        S=S,
     )
     return fit_start(changed, trajectories, settings.starts)
 
