@@ -14,7 +14,14 @@ from predplan.artifacts.mcap import read_provenance, read_topics
 from predplan.artifacts.provenance import Provenance
 from predplan.artifacts.recordings import WORLD, Mesh
 from predplan.control.acting import Actor
-from predplan.control.bodies import body_poses, body_solids, coordinates, ground_height, task_model
+from predplan.control.bodies import (
+    body_poses,
+    body_solids,
+    coordinates,
+    ground_height,
+    standing_solids,
+    task_model,
+)
 from predplan.control.environments import Environments, EnvironmentSettings
 from predplan.control.rollout_files import GHOST, ROBOT, read_rollouts, write_rollouts
 from predplan.control.rollouts import Rollouts, evaluate, record
@@ -164,7 +171,8 @@ def test_another_recording_is_said(tmp_path: Path) -> None:
 @pytest.mark.parametrize("task", ["cartpole", "swimmer", "hopper", "walker2d", "Humanoid-v5", "Reacher-v5"])
 def test_solids_cover_the_geoms(task: str) -> None:
     model = task_model(task)
-    solids, names = body_solids(model), {model.body(b).name for b in range(model.nbody)}
+    solids = (*body_solids(model), *standing_solids(model))
+    names = {model.body(b).name for b in range(model.nbody)}
     shown = (model.geom_group < 3) & (model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE) & (model.geom_rgba[:, 3] > 0)
     assert len(solids) == shown.sum()
     assert {solid.frame for solid in solids} <= names | {WORLD}
@@ -182,6 +190,21 @@ def test_a_capsules_volume() -> None:
     a, b, c = (solid.vertices[solid.triangles[:, k]] for k in range(3))
     volume = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0
     assert volume == pytest.approx(np.pi * 0.05**2 * (0.4 + 4 / 3 * 0.05), rel=0.03)
+
+
+def test_a_swollen_capsule_is_no_longer_between_its_ends() -> None:
+    model = task_model("hopper")
+    [thin, *_], [thick, *_] = body_solids(model), body_solids(model, swell=2.0)
+    assert isinstance(thin, Mesh)
+    assert isinstance(thick, Mesh)
+    np.testing.assert_allclose(np.ptp(thin.vertices, axis=0), [0.1, 0.1, 0.5])
+    np.testing.assert_allclose(np.ptp(thick.vertices, axis=0), [0.2, 0.2, 0.6])
+
+
+def test_what_stands_does_not_move() -> None:
+    [rail] = standing_solids(task_model("cartpole"))
+    assert (rail.name, rail.frame) == ("rail", WORLD)
+    assert not standing_solids(task_model("hopper"))
 
 
 def test_where_the_ground_is() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import gymnasium
@@ -61,20 +61,34 @@ def body_poses(model: Any, times: FloatArray, configurations: FloatArray, prefix
     return Transforms(times, (WORLD,) * len(names), names, translation, _xyzw(quaternion))
 
 
-def body_solids(model: Any, prefix: str = "", colour: Colour | None = None) -> tuple[Solid, ...]:
-    """The geoms that MuJoCo's viewer shows, in the frames of their bodies, all in one colour if it is given.
+def body_solids(
+    model: Any, prefix: str = "", colour: Callable[[Colour], Colour] | None = None, swell: float = 1.0
+) -> tuple[Solid, ...]:
+    """The geoms of moving bodies that MuJoCo's viewer shows, in the frames of their bodies, whose names they share.
 
-    Names are those of the frames; what stands in the world is not repeated under a prefix. A ground is no solid: see
-    `ground_height`.
+    colour: of a geom's own; swell: times as thick as it is, so that of two in one place one encloses the other.
     """
-    names = (WORLD, *body_names(model, prefix))
-    solids: list[Solid] = []
-    for g in range(model.ngeom):
-        frame, own = names[int(model.geom_bodyid[g])], _colour_of(model, g)
-        if model.geom_group[g] < SHOWN_GROUPS and own[3] and not (prefix and frame == WORLD):
-            name = model.geom(g).name or f"geom{g}" if frame == WORLD else frame
-            solids += _geom(model, g, name, frame, colour or own)
-    return tuple(solids)
+    names = body_names(model, prefix)
+    return tuple(
+        solid
+        for g in range(model.ngeom)
+        if model.geom_bodyid[g] and _shown(model, g)
+        for frame in [names[int(model.geom_bodyid[g]) - 1]]
+        for solid in _geom(
+            model, g, frame, frame, colour(_colour_of(model, g)) if colour else _colour_of(model, g), swell
+        )
+    )
+
+
+def standing_solids(model: Any, colour: Callable[[Colour], Colour] | None = None) -> tuple[Solid, ...]:
+    """The geoms fixed to the world that MuJoCo's viewer shows, likewise. A ground is no solid: see `ground_height`."""
+    return tuple(
+        solid
+        for g in range(model.ngeom)
+        if not model.geom_bodyid[g] and _shown(model, g)
+        for own in [_colour_of(model, g)]
+        for solid in _geom(model, g, model.geom(g).name or f"geom{g}", WORLD, colour(own) if colour else own, 1.0)
+    )
 
 
 def ground_height(model: Any) -> float | None:
@@ -85,16 +99,22 @@ def ground_height(model: Any) -> float | None:
     return None
 
 
-def _geom(model: Any, geom: int, name: str, frame: str, colour: Colour) -> Iterator[Solid]:
-    kind, size = mujoco.mjtGeom(int(model.geom_type[geom])), 2.0 * model.geom_size[geom]
+def _shown(model: Any, geom: int) -> bool:
+    return bool(model.geom_group[geom] < SHOWN_GROUPS and _colour_of(model, geom)[3] > 0.0)
+
+
+def _geom(model: Any, geom: int, name: str, frame: str, colour: Colour, swell: float) -> Iterator[Solid]:
+    kind, size = mujoco.mjtGeom(int(model.geom_type[geom])), 2.0 * swell * model.geom_size[geom]
     centre, turn = model.geom_pos[geom].copy(), _xyzw(model.geom_quat[geom])
     if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
-        vertices, triangles = _capsule(size[0] / 2.0, size[1] / 2.0)
+        vertices, triangles = _capsule(size[0] / 2.0, float(model.geom_size[geom][1]))
         yield Mesh(name, vertices @ _rotation(model.geom_quat[geom]).T + centre, triangles, colour, frame)
     elif kind == mujoco.mjtGeom.mjGEOM_MESH:
         mesh = int(model.geom_dataid[geom])
         first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-        vertices = model.mesh_vert[first : first + count].astype(np.float64) @ _rotation(model.geom_quat[geom]).T
+        vertices = (
+            swell * model.mesh_vert[first : first + count].astype(np.float64) @ _rotation(model.geom_quat[geom]).T
+        )
         first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
         faces = model.mesh_face[first : first + count].astype(np.int64)
         yield Mesh(name, vertices + centre, faces, colour, frame)

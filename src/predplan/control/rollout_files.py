@@ -25,7 +25,14 @@ from predplan.artifacts.mcap import (
 )
 from predplan.artifacts.provenance import Provenance
 from predplan.artifacts.recordings import Colour, JointStates, LogLine, Solid, Transforms
-from predplan.control.bodies import body_poses, body_solids, coordinates, ground_height, task_model
+from predplan.control.bodies import (
+    body_poses,
+    body_solids,
+    coordinates,
+    ground_height,
+    standing_solids,
+    task_model,
+)
 from predplan.control.environments import EnvironmentSettings
 from predplan.control.rollouts import Rollouts
 from predplan.control.tasks import FloatArray
@@ -35,7 +42,9 @@ from predplan.errors import InputError
 FACTS = "rollouts.json"
 ROBOT, GHOST = "robot/", "predicted/"
 """What the names of the robot's frames, and of its ghost's, begin with."""
-GHOST_COLOUR: Colour = (0.23, 0.62, 0.87, 0.45)
+GHOST_COLOUR: Colour = (0.23, 0.62, 0.87, 0.4)
+SWELL = 1.12
+"""The ghost is so many times as thick as the robot: where it agrees, it is a skin around it."""
 
 
 @dataclass(frozen=True)
@@ -65,11 +74,10 @@ def write_rollouts(path: Path, rollouts: Rollouts, method: str, provenance: Prov
     ahead = np.where(last[:, None], np.nan, np.roll(rollouts.prediction, -1, axis=0))
     steps = to_steps(trajectories, rollouts.step_duration, rollouts.state, ahead)
     frames = body_poses(model, steps.times, rollouts.configuration, ROBOT)
-    solids = body_solids(model, ROBOT)
+    solids = (*standing_solids(model, _greyed), *body_solids(model, ROBOT, _greyed))
     if np.isfinite(rollouts.prediction).any():
         frames = _beside(frames, body_poses(model, steps.times, ghost_configuration(rollouts), GHOST))
-        # What is behind must be drawn first for the ghost to shine through.
-        solids += body_solids(model, GHOST, GHOST_COLOUR)
+        solids += body_solids(model, GHOST, lambda _: GHOST_COLOUR, SWELL)
     named = coordinates(model)
     observed = named[len(named) - trajectories.observation.shape[1] :]
     settings = rollouts.settings
@@ -147,3 +155,10 @@ def _beside(first: Transforms, second: Transforms) -> Transforms:
         np.concatenate([first.translation, second.translation], axis=1),
         np.concatenate([first.quaternion, second.quaternion], axis=1),
     )
+
+
+def _greyed(colour: Colour) -> Colour:
+    """A grey that is as bright, within bounds: colours are for what is predicted and observed."""
+    red, green, blue, opacity = colour
+    bright = 0.35 + 0.55 * (0.3 * red + 0.59 * green + 0.11 * blue)
+    return bright, bright, 1.03 * bright, opacity

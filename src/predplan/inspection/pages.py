@@ -1,4 +1,4 @@
-"""Which page shows which artifact: a table by its name, a tagger by its header, a plan by its topics."""
+"""Which page shows which artifact: a table by its name, a tagger by its header, plans and rollouts by their topics."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ from predplan.inspection.listing import draw_empty, draw_table
 from predplan.inspection.moments import draw_moments
 from predplan.inspection.recording import Page, import_recording, write_recording
 
-DRAWN: Mapping[str, Callable[[rr.RecordingStream, Path], Page]] = {
+Draw = Callable[[rr.RecordingStream, Path], Page]
+
+DRAWN: Mapping[str, Draw] = {
     "words": draw_moments,
     "bigrams": draw_moments,
     "anchors": draw_anchors,
@@ -57,13 +59,13 @@ def record(artifact: Path, out: Path) -> None:
         with write_whole(out) as temporary:
             shutil.copyfile(artifact, temporary)
     elif artifact.suffix == ".mcap":
-        if _is_plan(artifact):
-            # Only plans bring the planner with them.
+        drawn = _own_page(artifact)
+        if drawn is not None:
             from predplan.artifacts import mcap
-            from predplan.inspection.planning import draw_plan
 
+            kind, draw_own = drawn
             made = mcap.read_provenance(artifact)
-            write_recording(out, "plan", _identity(artifact), made, lambda recording: draw_plan(recording, artifact))
+            write_recording(out, kind, _identity(artifact), made, lambda recording: draw_own(recording, artifact))
         else:
             import_recording(artifact, out)
     else:
@@ -77,7 +79,9 @@ def record(artifact: Path, out: Path) -> None:
 @contextmanager
 def viewable(artifact: Path) -> Iterator[Path]:
     """A file that the viewer opens: the artifact where it is a recording, else one that lasts as long as the block."""
-    if artifact.is_file() and (artifact.suffix == ".rrd" or (artifact.suffix == ".mcap" and not _is_plan(artifact))):
+    if artifact.is_file() and (
+        artifact.suffix == ".rrd" or (artifact.suffix == ".mcap" and _own_page(artifact) is None)
+    ):
         yield artifact
         return
     with tempfile.TemporaryDirectory() as folder:
@@ -100,14 +104,24 @@ def _table(artifact: Path) -> tuple[str, int]:
     return name.decode(), found.num_rows
 
 
-def _is_plan(recording: Path) -> bool:
-    """Whether an MCAP file is a plan of ours, which has a page of its own; the viewer reads any other as it is."""
+def _own_page(recording: Path) -> tuple[str, Draw] | None:
+    """Kind and page of an MCAP file that is a plan or rollouts of ours; the viewer reads any other as it is."""
     try:
         from predplan.artifacts.mcap import read_topics
 
-        return {"/clearance", "/scene", "/tf"} <= read_topics(recording).keys()
-    except (InputError, ImportError):  # without the planning extra there are no plans
-        return False
+        topics = read_topics(recording).keys()
+        # Only plans bring the planner with them, only rollouts the simulator.
+        if {"/clearance", "/scene", "/tf"} <= topics:
+            from predplan.inspection.planning import draw_plan
+
+            return "plan", draw_plan
+        if {"/steps", "/scene", "/tf"} <= topics:
+            from predplan.inspection.control import draw_rollouts
+
+            return "rollouts", draw_rollouts
+    except (InputError, ImportError):  # without their extra there are neither plans nor rollouts
+        pass
+    return None
 
 
 def _header(folder: Path) -> Path:
