@@ -6,6 +6,7 @@ own behind it (`networks`). An observation that is missing is held at the last t
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -111,7 +112,8 @@ class Predictive:
     def begin(self, rows: IntArray, observation: FloatArray) -> None:
         """From q_0 by action 0 and the first observation: the reset is step 0."""
         start = self.model.update(self.model.initial(len(rows)), np.zeros((len(rows), self._actions)), observation)
-        self.state = self.state.put(rows, start)
+        counted = replace(start, skipped=start.skipped + self.state.skipped[rows])
+        self.state = self.state.put(rows, counted)
         if self._window:
             self._window.begin(rows, observation)
 
