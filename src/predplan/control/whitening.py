@@ -43,7 +43,7 @@ class Whitening:
     """z = matrix (x - mean), clipped."""
 
     mean: FloatArray  # [F]
-    matrix: FloatArray  # [F, F] symmetric
+    matrix: FloatArray  # [F, F]
 
     @property
     def offset(self) -> FloatArray:
@@ -64,11 +64,12 @@ def no_whitening(size: int) -> Whitening:
 def whiten(statistics: Statistics, floor: float) -> Whitening:
     """Each number to variance 1, then all directions; those of less than a share `floor` of it are not blown up.
 
-    The matrix is symmetric: of all that whiten it changes standardised inputs least.
+    The root of the correlations is symmetric: of all that whiten it changes standardised inputs least. A number that
+    never changed keeps its unit.
     """
     variance = np.diag(statistics.covariance)
     scale = np.where(variance > 1e-16, np.sqrt(np.maximum(variance, 1e-16)), 1.0)
-    correlation = statistics.covariance / np.outer(scale, scale)
+    correlation = statistics.covariance / np.outer(scale, scale) + np.diag(variance <= 1e-16)
     values, vectors = np.linalg.eigh(correlation)
     matrix = (vectors / np.sqrt(np.maximum(values, floor))) @ vectors.T / scale
     return Whitening(statistics.mean, matrix)
