@@ -65,6 +65,23 @@ METHOD_COLOURS = {
     "chomp-velocity": BLUE,
     "chomp-acceleration": DEEP_BLUE,
     "chomp-path": SLATE,
+    "rpsp": BLUE,
+    "rpsp-obs": DEEP_BLUE,
+    "rpsp-trpo": SLATE,
+    "rpsp-vrpg": ROSE,
+    "rpsp-alt": DEEP_ROSE,
+    "rpsp-frozen": SKY,
+    "rpsp-unrefined": SLATE,
+    "rpsp-reactive": BROWN,
+    "rpsp-random": GREY,
+    "fm1": YELLOW,
+    "fm2": ORANGE,
+    "fm2-trpo": AMBER,
+    "fm5": AMBER,
+    "fm10": VERMILLION,
+    "gru": GREEN,
+    "gru-trpo": DEEP_GREEN,
+    "gru-predictive": DEEP_GREEN,
 }
 
 MISTAKE = VERMILLION

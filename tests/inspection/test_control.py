@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,11 @@ from rerun.chunk import RrdReader
 
 from predplan import inspection
 from predplan.artifacts.provenance import Provenance
+from predplan.artifacts.tables import TableSchema
 from predplan.control.environments import EnvironmentSettings
 from predplan.control.rollout_files import write_rollouts
 from predplan.control.rollouts import Rollouts
+from predplan.control.tables import LEARNING, PREDICTION, RUNS, write_rows
 from predplan.control.trajectories import Trajectories
 from tests.inspection.test_planning import read_back
 
@@ -89,3 +92,72 @@ def test_what_is_seen_as_it_is_has_no_points(tmp_path: Path) -> None:
     assert "/observed/slider/lost" not in found
     assert "/state" not in found
     assert any(path.startswith("/world/rail/") for path in found)
+
+
+def made_learning(methods: tuple[str, ...] = ("rpsp", "fm2", "new"), seeds: int = 3) -> list[dict[str, Any]]:
+    """Runs of two conditions that rise to a level of the method; the last run of the last method stops half-way."""
+    rng, rows = np.random.default_rng(0), []
+    for noise, (level, method), seed in itertools.product((0.0, 0.2), enumerate(methods), range(seeds)):
+        stops = method == methods[-1] and seed == seeds - 1
+        for update in range(11 if stops else 21):
+            known = update != 7
+            rows.append(
+                {"task": "cartpole", "noise": noise, "drop": 0.0, "method": method, "seed": seed, "update": update}
+                | {"steps": 2000 * (update + 1), "episodes": 10 if known else 0, "skipped": 0, "cpu_s": 0.5 * update}
+                | {
+                    "return_mean": 8.0 + (150.0 - 40.0 * level) * (1 - np.exp(-update / 5)) + rng.normal()
+                    if known
+                    else None
+                }
+                | {"return_std": 1.0, "length_mean": 20.0, "policy_kl": 0.01, "entropy": 1.4, "value_error": 0.3}
+                | {"prediction_error": 0.01 * rng.uniform(0.5, 1.0) if method == "rpsp" else None}
+            )
+    return rows
+
+
+def made_runs() -> list[dict[str, Any]]:
+    rng = np.random.default_rng(1)
+    return [
+        {"task": "cartpole", "noise": noise, "drop": 0.0, "method": method, "seed": seed, "steps": 42_000}
+        | {"mean_return": level + 5 * rng.normal(), "final_return": 1.5 * level, "steps_to_threshold": None}
+        | {"reason": "finished", "cpu_s": 12.0}
+        for noise, (method, level), seed in itertools.product(
+            (0.0, 0.2), (("rpsp", 120.0), ("fm2", 90.0), ("new", 60.0)), range(3)
+        )
+    ]
+
+
+def made_prediction() -> list[dict[str, Any]]:
+    rng = np.random.default_rng(2)
+    return [
+        {"task": "cartpole", "noise": noise, "drop": 0.0, "seed": seed, "predictor": name, "steps": ahead, "rows": 900}
+        | {"error": ahead * level * rng.uniform(0.9, 1.1)}
+        for noise, (name, level), seed, ahead in itertools.product(
+            (0.0, 0.2), (("last", 0.05), ("order 2", 0.001), ("rpsp", 0.0005)), range(2), (1, 5)
+        )
+    ]
+
+
+@pytest.mark.parametrize(
+    ("schema", "rows", "pictures", "said"),
+    [
+        (LEARNING, made_learning(), {"/return_mean", "/prediction_error", "/policy_kl", "/cpu_s"}, "18 runs"),
+        (RUNS, made_runs(), {"/runs"}, "cartpole, σ = 0"),
+        (PREDICTION, made_prediction(), {"/errors", "/ahead"}, "a perfect sensor"),
+    ],
+)
+def test_tables_have_pages(
+    tmp_path: Path, schema: TableSchema, rows: list[dict[str, Any]], pictures: set[str], said: str
+) -> None:
+    write_rows(tmp_path / "made.parquet", schema, rows, Provenance(seed=1))
+    inspection.record(tmp_path / "made.parquet", tmp_path / "made.rrd")
+    found = read_back(tmp_path / "made.rrd")
+    for path in pictures:
+        assert found[path]["EncodedImage:blob"]
+    assert said in found["/about"]["TextDocument:text"][0][0]
+
+
+def test_an_empty_table_is_said(tmp_path: Path) -> None:
+    write_rows(tmp_path / "made.parquet", LEARNING, [], Provenance())
+    inspection.record(tmp_path / "made.parquet", tmp_path / "made.rrd")
+    assert "no rows" in read_back(tmp_path / "made.rrd")["/rows"]["TextDocument:text"][0][0]

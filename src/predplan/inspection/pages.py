@@ -36,6 +36,9 @@ DRAWN: Mapping[str, Draw] = {
 }
 """Tables with a page of their own; any other table of ours is listed."""
 
+CONTROL = {"learning": "draw_learning", "runs": "draw_runs", "prediction": "draw_prediction"}
+"""Those of control, imported when they are drawn."""
+
 _NAME = b"predplan.table"
 _HEADER = "model.json"
 _KNOWN = f"a table of predplan (.parquet), a folder of a tagger ({_HEADER}), or a recording (.rrd, .mcap)"
@@ -70,7 +73,7 @@ def record(artifact: Path, out: Path) -> None:
             import_recording(artifact, out)
     else:
         name, rows = _table(artifact)
-        draw = DRAWN.get(name, draw_table) if rows else draw_empty
+        draw = _drawn(name) if rows else draw_empty
         write_recording(
             out, name, _identity(artifact), read_provenance(artifact), lambda recording: draw(recording, artifact)
         )
@@ -88,6 +91,17 @@ def viewable(artifact: Path) -> Iterator[Path]:
         file = Path(folder) / f"{artifact.stem}.rrd"
         record(artifact, file)
         yield file
+
+
+def _drawn(name: str) -> Draw:
+    """The page of a table."""
+    if name in CONTROL:
+        # Its pages bring the statistics with them.
+        from predplan.inspection import control_tables
+
+        draw: Draw = getattr(control_tables, CONTROL[name])
+        return draw
+    return DRAWN.get(name, draw_table)
 
 
 def _table(artifact: Path) -> tuple[str, int]:
