@@ -19,7 +19,7 @@ class Pool:
     """Of each copy, rows of its latest episodes, the first of them whole."""
 
     def __init__(self, copies: int, capacity: int) -> None:
-        """capacity, in rows of all copies, is exceeded by the start of an episode that goes on into it."""
+        """capacity, in rows of all copies, is exceeded by the start of an episode, and by a batch that is longer."""
         self._capacity = max(1, capacity // copies)
         self._rows: list[dict[str, NDArray[Any]]] = [{} for _ in range(copies)]
 
@@ -29,7 +29,9 @@ class Pool:
             new = _rows(batch, copy)
             joined = {name: np.concatenate([old[name], new[name]]) if old else new[name] for name in NAMES}
             starts = np.flatnonzero(joined["begins"])
-            kept = starts[starts <= max(len(joined["begins"]) - self._capacity, 0)][-1]
+            # A batch that goes on with an episode acted first after the row before its own.
+            rows = max(self._capacity, len(new["begins"]) + 1)
+            kept = starts[starts <= max(len(joined["begins"]) - rows, 0)][-1]
             self._rows[copy] = {name: one[kept:] for name, one in joined.items()}
 
     def trajectories(self) -> Trajectories:
