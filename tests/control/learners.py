@@ -17,7 +17,7 @@ from predplan.control.sampling import Batch, Sampler
 from predplan.control.trajectories import Trajectories
 from predplan.control.whitening import no_statistics, no_whitening
 
-CARTPOLE = EnvironmentSettings("cartpole", threads=1, horizon=15)
+CARTPOLE = EnvironmentSettings("cartpole", threads=1, horizon=7)
 """Short enough for episodes to be cut by the horizon as well as to end by themselves."""
 SWIMMER = EnvironmentSettings("swimmer", threads=1, horizon=12)
 
