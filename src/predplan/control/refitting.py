@@ -33,7 +33,34 @@ def learn_filter(
     begin = known.moments if known and known.past == past else None
     layout, moments = window_moments(trajectories, past, standard, iterations if begin else 100, begin)
     basis = fit_basis(layout, moments, standard, settings)
-    return fit_in_basis(basis, moments, trajectories, settings), Known(standard, past, moments)
+    model = fit_in_basis(basis, moments, trajectories, settings)
+    return as_expectations(model, settings.future), Known(standard, past, moments)
+
+
+def as_expectations(model: LinearFilter, future: int, worst: float = 1e5) -> LinearFilter:
+    """The same filter, its state the observations expected one step and `future` steps ahead, actions being 0.
+
+    So a state means the same from refit to refit, and a policy can go on with it. A filter whose state is not twice
+    the observations, or does not follow from these (condition number above worst), is left as it is.
+    """
+    if model.state_size != 2 * model.observation_size:
+        return model
+    T = np.concatenate([model.C, model.C @ np.linalg.matrix_power(model.A, future - 1)])
+    values = np.linalg.svd(T, compute_uv=False)
+    if not values[-1] * worst > values[0]:
+        return model
+    back = np.linalg.inv(T)
+    return replace(
+        model,
+        A=T @ model.A @ back,
+        B=T @ model.B,
+        c=T @ model.c,
+        K=T @ model.K,
+        C=model.C @ back,
+        initial_mean=T @ model.initial_mean,
+        initial_covariance=T @ model.initial_covariance @ T.T,
+        limit=float(model.limit * values[0]),
+    )
 
 
 def fitting_past(trajectories: Trajectories, most: int) -> int:

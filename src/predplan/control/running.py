@@ -115,7 +115,14 @@ def _learned(training: Training, order: Order) -> Learned:
 
 def _sheet(order: Order) -> dict[str, object]:
     task = {name: value for name, value in asdict(order.task).items() if name != "threads"}
-    return {"task": _plain(task), "method": order.method, "schedule": asdict(order.schedule), "seed": order.seed}
+    settings = _plain(asdict(find_method(order.method)))
+    return {
+        "task": _plain(task),
+        "method": order.method,
+        "settings": settings,
+        "schedule": asdict(order.schedule),
+        "seed": order.seed,
+    }
 
 
 def _put_away(training: Training, order: Order, progress: list[Progress], path: Path) -> None:
