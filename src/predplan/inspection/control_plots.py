@@ -7,7 +7,9 @@ from contextlib import contextmanager
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from predplan.control.curves import Condition, Curve
 from predplan.control.tables import Row
@@ -16,8 +18,8 @@ from predplan.inspection.palette import FAINT, TEXT
 from predplan.palette import colour_of
 
 COLUMNS = 3
-PANEL = (4.3, 3.3)
-"""Inches of a panel."""
+WIDTH, LEAST_HEIGHT, PANEL_HEIGHT = 13.0, 7.0, 3.5
+"""Inches."""
 
 
 def named(condition: Condition) -> str:
@@ -40,6 +42,7 @@ def curve_plot(curves: Mapping[Condition, Mapping[str, Curve]], label: str, loga
                 axes.plot(curve.steps, curve.mean, color=colour, linewidth=2, label=f"{method} ({curve.seeds})")
             if logarithmic:
                 axes.set_yscale("log")
+                _plain_decades(axes.yaxis)
             axes.xaxis.set_major_formatter(_thousands)
             _dress(axes, named(condition))
             axes.legend(frameon=False, fontsize=8.5, loc="best")
@@ -86,6 +89,7 @@ def error_plot(rows: Sequence[Row]) -> bytes:
                 axes.plot(errors, np.full(len(errors), place), "|", color=TEXT, markersize=8)
                 axes.annotate(f"{mean:.2g}", (max(errors), place), (5, -3), textcoords="offset points", fontsize=9)
             axes.set_xscale("log")
+            _plain_decades(axes.xaxis)
             axes.set_xlim(left=floor)
             axes.margins(x=0.2)
             axes.set_yticks(range(len(predictors)), list(reversed(predictors)))
@@ -109,6 +113,7 @@ def ahead_plot(rows: Sequence[Row]) -> bytes:
                     means = [float(np.mean(errors[k])) for k in ahead]
                     axes.plot(ahead, means, "o-", color=colour_of(name), linewidth=2, markersize=4, label=name)
             axes.set_yscale("log")
+            _plain_decades(axes.yaxis)
             _dress(axes, named(condition))
             axes.legend(frameon=False, fontsize=8.5)
         figure.supxlabel("steps ahead", color=TEXT, fontsize=11)
@@ -120,8 +125,8 @@ def ahead_plot(rows: Sequence[Row]) -> bytes:
 def _panels(count: int) -> Iterator[tuple[Figure, list[Axes]]]:
     """A figure of so many panels in rows."""
     columns = min(COLUMNS, count)
-    rows, scale = -(-count // columns), 1.7 if count == 1 else 1.0
-    with canvas((scale * PANEL[0] * columns + 0.4, scale * PANEL[1] * rows + 0.4)) as figure:
+    rows = -(-count // columns)
+    with canvas((WIDTH, max(LEAST_HEIGHT, PANEL_HEIGHT * rows))) as figure:
         panels = list(figure.subplots(rows, columns, squeeze=False).ravel())
         for axes in panels[count:]:
             axes.set_visible(False)
@@ -132,6 +137,11 @@ def _dress(axes: Axes, title: str) -> None:
     axes.set_title(title, loc="left", fontweight="bold", fontsize=11)
     axes.grid(visible=True)
     axes.tick_params(color=FAINT)
+
+
+def _plain_decades(axis: Axis) -> None:
+    axis.set_major_formatter(lambda value, _: f"{value:g}")
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _thousands(value: float, _: object) -> str:
