@@ -92,7 +92,7 @@ def natural_step(network: ActorCritic, lesson: Lesson, settings: TRPOSettings) -
     if not (np.isfinite(length) and length > 0.0):
         return 0.0
     step = direction * (2.0 * settings.bound / length) ** 0.5
-    start, before = nn.utils.parameters_to_vector(parameters).detach().clone(), float(gain)
+    start, before = nn.utils.parameters_to_vector(parameters).detach().clone(), float(gain.detach())
     with torch.no_grad():
         for _ in range(settings.halvings):
             nn.utils.vector_to_parameters(start + step, parameters)
