@@ -51,7 +51,7 @@ def test_all_steps_are_there_as_they_were_made(settings: EnvironmentSettings) ->
     for n, batch in enumerate(every, 1):
         pool.add(batch)
         copies = told(every[:n])
-        assert_equal(pool.trajectories(), sum(copies, []))
+        assert_equal(pool.trajectories(), [one for episodes in copies for one in episodes])
         assert_equal(pool.running(), [episodes[-1] for episodes in copies])
 
 

@@ -91,7 +91,7 @@ def test_the_next_batch_goes_on() -> None:
     known = network.known(
         torch.from_numpy(second[0].features[:-1].astype(np.float32)), second[0].begins[:-1], second[0].core
     )
-    np.testing.assert_allclose(network.actor(known).detach(), second[0].mean, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(network.actor(known).detach(), batch.mean, rtol=1e-4, atol=1e-5)
 
 
 @pytest.mark.parametrize("settings", [CARTPOLE, LOSSY, replace(SWIMMER, noise=0.1, drop=0.2)])
