@@ -118,20 +118,24 @@ def residual_covariance(model: Autoregression, moments: Moments) -> FloatArray:
     return 0.5 * (covariance + covariance.T)
 
 
-def predict_next(model: Autoregression, trajectories: Trajectories) -> FloatArray:
-    """Predictions [n, O] of each row, in the task's units; NaN where the window does not fit.
+def predict_next(model: Autoregression, trajectories: Trajectories, ahead: int = 1) -> FloatArray:
+    """Predictions [n, O] of each row from what came up to `ahead` rows before it, in the task's units.
 
-    What was not seen is taken to be as it was last seen; before anything was, to be the mean.
+    NaN where the window does not fit. What was not seen is taken to be as it was last seen; before anything was, to
+    be the mean. Several steps ahead predictions stand for what was not yet seen, and the actions between are known.
     """
     layout, result = model.layout, np.full_like(trajectories.observation, np.nan)
-    rows = window_rows(trajectories, layout.past, 0)
+    rows = window_rows(trajectories, layout.past, ahead - 1)
     before = rows[:, None] + np.arange(-layout.past, 0)
-    held = model.standard(hold_last(trajectories, model.standard.shift))
-    window = np.concatenate(
-        [held[before].reshape(len(rows), -1), trajectories.action[before].reshape(len(rows), -1)], axis=1
-    )
-    scaled = window @ model.past.T + trajectories.action[rows] @ model.action.T + model.constant
-    result[rows] = scaled * model.standard.scale + model.standard.shift
+    seen, done = model.standard(hold_last(trajectories, model.standard.shift))[before], trajectories.action[before]
+    scaled = np.empty((len(rows), layout.observations))
+    for step in range(ahead):
+        action = trajectories.action[rows + step]
+        window = np.concatenate([seen.reshape(len(rows), -1), done.reshape(len(rows), -1)], axis=1)
+        scaled = window @ model.past.T + action @ model.action.T + model.constant
+        seen = np.concatenate([seen[:, 1:], scaled[:, None]], axis=1)
+        done = np.concatenate([done[:, 1:], action[:, None]], axis=1)
+    result[rows + ahead - 1] = scaled * model.standard.scale + model.standard.shift
     return result
 
 

@@ -19,7 +19,7 @@ from predplan.control.trajectories import Trajectories
 class Pieces:
     """n pieces, padded to T rows with their last. Observations are standardised."""
 
-    first: IntArray  # [n] row of the trajectories that each begins with
+    rows: IntArray  # [T, n] of the trajectories
     action: Tensor  # [T, n, A]
     observation: Tensor  # [T, n, O], NaN where missing
     reset: Tensor  # [T, n] a trajectory's first row
@@ -27,6 +27,12 @@ class Pieces:
     ways: BoolArray  # [m, longest] ways in which trajectories were seen
     way: Tensor  # [T, n] which of them a row's trajectory was
     age: Tensor  # [T, n] rows since the trajectory's first
+
+    @property
+    def first(self) -> IntArray:
+        """Row [n] of the trajectories that each begins with."""
+        first: IntArray = self.rows[0]
+        return first
 
 
 def cut(trajectories: Trajectories, rows: int, shift: FloatArray, scale: FloatArray) -> Pieces:
@@ -42,7 +48,7 @@ def cut(trajectories: Trajectories, rows: int, shift: FloatArray, scale: FloatAr
         return torch.from_numpy(np.ascontiguousarray(values))
 
     return Pieces(
-        first=first,
+        rows=index,
         action=tensor(trajectories.action[index]),
         observation=tensor(np.where(there[..., None], observation[index], np.nan)),
         reset=tensor((trajectories.age == 0)[index] & inside),
