@@ -95,12 +95,12 @@ def natural_step(network: ActorCritic, lesson: Lesson, settings: TRPOSettings) -
     start, before = nn.utils.parameters_to_vector(parameters).detach().clone(), float(gain.detach())
     with torch.no_grad():
         for _ in range(settings.halvings):
-            nn.utils.vector_to_parameters(start + step, parameters)
+            _put(start + step, parameters)
             gain, apart = measured()
             if float(apart) <= settings.bound and float(gain) > before:
                 return float(apart)
             step = 0.5 * step
-        nn.utils.vector_to_parameters(start, parameters)
+        _put(start, parameters)
     return 0.0
 
 
@@ -139,3 +139,9 @@ def fit_values(
 
 def _flat(tensors: tuple[Tensor, ...]) -> Tensor:
     return torch.cat([one.reshape(-1) for one in tensors])
+
+
+def _put(vector: Tensor, parameters: list[nn.Parameter]) -> None:
+    """Into the parameters' own memory: last digits of products depend on where numbers lie, and so would a resumption."""
+    for one, part in zip(parameters, vector.split([one.numel() for one in parameters]), strict=True):
+        one.copy_(part.view_as(one))
