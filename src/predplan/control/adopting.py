@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from predplan.control.advantages import whitened
 from predplan.control.filtering import FilterState, filter_trajectories
@@ -20,7 +21,7 @@ from predplan.control.memories import predictive_features
 from predplan.control.networks import divergence
 from predplan.control.tasks import FloatArray
 from predplan.control.trajectories import Trajectories
-from predplan.control.whitening import carry_over, no_statistics, whiten
+from predplan.control.whitening import Whitening, carry_over, no_statistics, whiten
 
 
 @dataclass(frozen=True)
@@ -55,12 +56,20 @@ def adopt(
     fresh = whiten(statistics, floor)
     kept = {name: one.clone() for name, one in network.state_dict().items()}
     matrix, offset = _regress(new, old)
+    begins = np.zeros((len(new), 1), np.bool_)
+    begins[trajectories.first[:-1]] = True
+
+    def mean(features: FloatArray, whitening: Whitening) -> Tensor:
+        known = network.known(whitened(features, whitening)[:, None], begins, network.initial(1))
+        result: Tensor = network.actor(known)
+        return result
+
     with torch.no_grad():
-        before = network.actor(whitened(old, learner.whitening))
+        before = mean(old, learner.whitening)
         for weight, bias in network.first_layers():
             known = learner.whitening
             carry_over(weight, bias, known.matrix @ matrix, known.matrix @ offset + known.offset, fresh)
-        after = network.actor(whitened(new, fresh))
+        after = mean(new, fresh)
         apart = float(divergence(before, network.log_deviation, after, network.log_deviation).mean())
     if not apart <= most_divergence:
         network.load_state_dict(kept)
