@@ -1,0 +1,138 @@
+"""Figures of the report on control, as SVG: one panel a condition, one colour a method, bands of one standard error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator, NullLocator
+
+from predplan.control.curves import Condition
+from predplan.palette import colour_of
+from predplan.reporting.control.labels import label_of, task_title, titled
+from predplan.reporting.control.results import ControlResults
+from predplan.reporting.document import Figure
+from predplan.reporting.drawing import drawing_look, label_ends, new_canvas, to_svg
+
+PANEL_IN = 2.0
+GAP_POINTS = 11.5
+
+
+def learning_figure(
+    results: ControlResults, conditions: Sequence[Condition], methods: Sequence[str], name: str, caption: str
+) -> Figure | None:
+    """Returns by steps; None where none of the methods has a curve."""
+    shown = [c for c in conditions if any(method in results.curves.get(c, {}) for method in methods)]
+    if not shown:
+        return None
+    with drawing_look():
+        canvas = new_canvas(PANEL_IN * len(shown) + 0.4)
+        panels = canvas.subplots(len(shown), 1, squeeze=False)[:, 0]
+        for axes, condition in zip(panels, shown, strict=True):
+            ends = []
+            for method in methods:
+                curve = results.curves[condition].get(method)
+                if curve is None:
+                    continue
+                colour = colour_of(method)
+                axes.fill_between(
+                    curve.steps, curve.mean - curve.error, curve.mean + curve.error, color=colour, alpha=0.2, lw=0
+                )
+                axes.plot(curve.steps, curve.mean, color=colour, linewidth=1.5)
+                ends.append((float(curve.steps[-1]), float(curve.mean[-1]), label_of(method), colour))
+            _dress(axes, titled(condition))
+            axes.set_ylabel("mean return")
+            axes.margins(x=0.01)
+            axes.xaxis.set_major_formatter(lambda value, _: f"{value / 1000:g}k" if value else "0")
+            label_ends(canvas, axes, ends, gap_points=GAP_POINTS * len(shown))
+        panels[-1].set_xlabel("environment steps, exploration included")
+        svg = to_svg(canvas)
+    return Figure(name, svg, f"{caption}. Means over {_seeds(results, shown, methods)}; bands are one standard error.")
+
+
+def degradation_figure(results: ControlResults, methods: Sequence[str], drop: bool) -> Figure | None:
+    """Mean return over training by noise, or by the share of observations lost; None where neither was varied."""
+    vary, still = (2, 1) if drop else (1, 2)
+    levels: dict[str, list[Condition]] = {}
+    for condition in results.conditions:
+        if condition[still] == 0.0:
+            levels.setdefault(condition[0], []).append(condition)
+    tasks = {task: own for task, own in levels.items() if len({condition[vary] for condition in own}) > 1}
+    if not tasks:
+        return None
+    with drawing_look():
+        canvas = new_canvas(PANEL_IN * len(tasks) + 0.4)
+        panels = canvas.subplots(len(tasks), 1, squeeze=False)[:, 0]
+        for axes, (task, own) in zip(panels, tasks.items(), strict=True):
+            ends = []
+            for method in methods:
+                rows = [(condition[vary], row) for condition in own if (row := results.summary(condition, method))]
+                if not rows:
+                    continue
+                x, mean = (np.array(one) for one in zip(*((at, row["mean_return"]) for at, row in rows), strict=True))
+                error = np.array([row["standard_error"] or 0.0 for _, row in rows])
+                colour = colour_of(method)
+                axes.errorbar(x, mean, yerr=error, color=colour, linewidth=1.5, marker="o", markersize=3.5)
+                ends.append((float(x[-1]), float(mean[-1]), label_of(method), colour))
+            _dress(axes, task_title(task))
+            axes.set_ylabel("mean return")
+            axes.set_xticks(sorted({condition[vary] for condition in own}))
+            label_ends(canvas, axes, ends, gap_points=GAP_POINTS * len(tasks))
+        panels[-1].set_xlabel("share of observations lost" if drop else "observation noise σ, in each one’s spread")
+        svg = to_svg(canvas)
+    shown = [condition for own in tasks.values() for condition in own]
+    what = "Lost observations" if drop else "Observation noise (what Figure 5.9 asks)"
+    return Figure(
+        "dropped" if drop else "noise",
+        svg,
+        f"{what}. Mean return over training, means over {_seeds(results, shown, methods)}; bars are one standard "
+        "error.",
+    )
+
+
+def prediction_figure(results: ControlResults) -> Figure | None:
+    """Errors by steps ahead, a panel a condition; None where all are one step ahead."""
+    several = {
+        condition: {name: errors for name, errors in own.items() if len(errors) > 1}
+        for condition, own in results.errors.items()
+    }
+    several = {condition: own for condition, own in several.items() if own}
+    if not several:
+        return None
+    with drawing_look():
+        canvas = new_canvas(PANEL_IN * len(several) + 0.4)
+        panels = canvas.subplots(len(several), 1, squeeze=False)[:, 0]
+        for axes, (condition, own) in zip(panels, several.items(), strict=True):
+            axes.set_yscale("log")
+            axes.yaxis.set_minor_locator(NullLocator())
+            axes.yaxis.set_major_formatter("{x:g}")
+            ends = []
+            for name, errors in own.items():
+                ahead = sorted(errors)
+                mean = [errors[k][0] for k in ahead]
+                axes.plot(ahead, mean, color=colour_of(name), linewidth=1.5, marker="o", markersize=3)
+                ends.append((float(ahead[-1]), mean[-1], label_of(name), colour_of(name)))
+            _dress(axes, titled(condition))
+            axes.set_ylabel("error")
+            axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+            label_ends(canvas, axes, ends, gap_points=GAP_POINTS * len(several))
+        panels[-1].set_xlabel("steps ahead")
+        svg = to_svg(canvas)
+    return Figure(
+        "prediction",
+        svg,
+        "Errors of prediction by steps ahead, on logarithmic scales: means over seeds. The error is the mean square "
+        "difference to what a perfect sensor would have seen, each coordinate over its variance while exploring.",
+    )
+
+
+def _dress(axes: Axes, title: str) -> None:
+    axes.set_title(title, fontsize=9, loc="left")
+
+
+def _seeds(results: ControlResults, conditions: Sequence[Condition], methods: Sequence[str]) -> str:
+    """How many runs the means of a figure are over."""
+    counts = {row["seeds"] for c in conditions for name in methods if (row := results.summary(c, name))}
+    low, high = min(counts, default=0), max(counts, default=0)
+    return f"{low} runs" if low == high else f"{low} to {high} runs"
