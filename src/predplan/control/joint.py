@@ -41,7 +41,7 @@ class JointSettings:
     prediction: float = 1.0  # a_2; 0: the filter serves reward alone
     averaging: float = 0.1  # β of the gradients' average squares
     rate: float = 1e-3  # of Adam, for filter and policy
-    steps: int = 1  # along the gradient, an update
+    steps: int = 5  # along the gradient, an update
     largest_gradient: float = 1.0
 
     def __post_init__(self) -> None:
@@ -49,13 +49,16 @@ class JointSettings:
             raise InputError(f"averaging: found {self.averaging}, expected a share above 0 and up to 1")
         if min(self.policy, self.prediction) < 0.0 or self.policy + self.prediction == 0.0:
             raise InputError(f"policy, prediction: found {self.policy}, {self.prediction}, expected weights, not all 0")
+        for name in ("rate", "steps", "largest_gradient"):
+            if not getattr(self, name) > 0:
+                raise InputError(f"{name}: found {getattr(self, name)}, expected a number above 0")
 
 
 @dataclass(frozen=True)
 class VRPGSettings:
     """Joint policy gradients with variance normalisation."""
 
-    joint: JointSettings = JointSettings(rate=3e-3, steps=5)
+    joint: JointSettings = JointSettings()
     values: TRPOSettings = TRPOSettings()  # how values are regressed
 
 

@@ -20,6 +20,7 @@ class FilterSettings:
     """How a predictive memory is learned from a policy's own steps."""
 
     innovation: InnovationSettings = field(default_factory=lambda: InnovationSettings(starts=10, refits=0))
+    random: bool = False  # weights are drawn, not learned
     dimension: int = 0  # p; 0: twice the observations, positions and velocities
     refit_every: int = 2  # updates; 0: never after the first batch
     rows: int = 20_000  # latest ones that a refit is from
@@ -48,22 +49,27 @@ class Method:
 METHODS = {
     "rpsp": Method(window=0, filter=FilterSettings()),
     "rpsp-obs": Method(window=1, filter=FilterSettings()),
+    "rpsp-trpo": Method(window=0, filter=FilterSettings(), update=TRPOSettings()),
+    "rpsp-alt": Method(window=0, filter=FilterSettings(refit_every=0), update=AlternatingSettings()),
+    "rpsp-vrpg": Method(window=0, filter=FilterSettings(refit_every=0), update=VRPGSettings()),
+    "rpsp-reactive": Method(
+        window=0,
+        filter=FilterSettings(refit_every=0),
+        update=VRPGSettings(JointSettings(prediction=0.0)),
+    ),
     "rpsp-frozen": Method(window=0, filter=FilterSettings(refit_every=0)),
+    "rpsp-random": Method(window=0, filter=FilterSettings(refit_every=0, random=True)),
     "fm1": Method(window=1),
     "fm2": Method(window=2),
     "fm5": Method(window=5),
     "fm10": Method(window=10),
-    "gru": Method(network=NetworkSettings(recurrent=32)),
-    "rpsp-vrpg": Method(window=0, filter=FilterSettings(), update=VRPGSettings()),
-    "rpsp-alt": Method(window=0, filter=FilterSettings(), update=AlternatingSettings()),
-    "rpsp-reactive": Method(
-        window=0,
-        filter=FilterSettings(refit_every=0),
-        update=VRPGSettings(JointSettings(prediction=0.0, rate=3e-3, steps=5)),
-    ),
     "fm2-trpo": Method(window=2, update=TRPOSettings()),
+    "gru": Method(network=NetworkSettings(recurrent=32)),
+    "gru-16": Method(network=NetworkSettings(recurrent=16)),
+    "gru-64": Method(network=NetworkSettings(recurrent=64)),
+    "gru-128": Method(network=NetworkSettings(recurrent=128)),
+    "gru-predictive": Method(network=NetworkSettings(recurrent=32, prediction=0.1)),
     "gru-trpo": Method(network=NetworkSettings(recurrent=32), update=TRPOSettings()),
-    "rpsp-trpo": Method(window=0, filter=FilterSettings(), update=TRPOSettings()),
 }
 """By name."""
 

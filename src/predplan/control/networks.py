@@ -22,6 +22,7 @@ class NetworkSettings:
     hidden: tuple[int, ...] = (64, 64)
     recurrent: int = 0  # units of the GRU; 0: none
     log_deviation: float = -0.5  # of actions at the start
+    prediction: float = 0.0  # weight of the error in foretelling the next features; 0: they are not foretold
 
     def __post_init__(self) -> None:
         if self.recurrent < 0:
@@ -40,6 +41,7 @@ class ActorCritic(nn.Module):
         self.core = nn.GRU(features, settings.recurrent) if settings.recurrent else None
         self.actor = _layers(width, settings.hidden, actions)
         self.critic = _layers(width, settings.hidden, 1)
+        self.predictor = nn.Linear(width + actions, features) if settings.prediction else None
         self.log_deviation = nn.Parameter(torch.full((actions,), settings.log_deviation))
         # Values are learned in units in which returns have mean 0 and deviation 1.
         self.register_buffer("value_scale", torch.tensor([0.0, 1.0]))

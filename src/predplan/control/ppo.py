@@ -60,7 +60,10 @@ class PPO:
                 with torch.no_grad():
                     apart = divergence(part.mean, lesson.log_deviation, mean, network.log_deviation)
                     moved += float(apart.sum()) / batch.steps
-                skipped += not self._adam.step(0.5 * error - gain, settings.largest_gradient)
+                loss = 0.5 * error - gain
+                if network.predictor is not None:
+                    loss = loss + network.settings.prediction * foretelling_error(network, lesson, part)
+                skipped += not self._adam.step(loss, settings.largest_gradient)
             if moved > settings.most_divergence:
                 break
         return UpdateReport(moved, lesson.missed, network.entropy, skipped)
@@ -87,6 +90,7 @@ class PPO:
 class Part:
     """Steps of a lesson, and what actor and critic read there."""
 
+    index: Tensor  # [m] among the lesson's steps, flattened
     known: Tensor  # [m, ...]
     mean: Tensor  # [m, A]
     drawn: Tensor  # [m, A]
@@ -104,5 +108,18 @@ def pick(lesson: Lesson, network: ActorCritic, rows: NDArray[np.int64]) -> Part:
     else:
         pieces = cut(lesson.begins, np.sort(rows))
         known, index = network.unrolled(features, pieces, lesson.core), pieces.rows[pieces.inside]
-    flat = (one.flatten(0, 1)[index] for one in (lesson.mean, lesson.drawn))
-    return Part(known, *flat, *(one.flatten()[index] for one in (lesson.log_probability, lesson.advantage, lesson.target)))
+    flat = [one.flatten(0, 1)[index] for one in (lesson.mean, lesson.drawn)]
+    return Part(index, known, *flat, *(one.flatten()[index] for one in (lesson.log_probability, lesson.advantage, lesson.target)))
+
+
+def foretelling_error(network: ActorCritic, lesson: Lesson, part: Part) -> Tensor:
+    """Mean square error of the next features, where the episode goes on within the lesson (§5.8's regularised GRU)."""
+    assert network.predictor is not None
+    n = lesson.begins.shape[1]
+    goes_on = torch.from_numpy(~lesson.begins).flatten()
+    following = part.index + n
+    inside = following < len(goes_on)
+    inside[inside.clone()] = goes_on[following[inside]]
+    action = part.drawn.clamp(-1.0, 1.0)
+    expected = network.predictor(torch.cat([part.known, action], dim=-1))[inside]
+    return ((expected - lesson.features.flatten(0, 1)[following[inside]]) ** 2).mean()

@@ -75,3 +75,28 @@ def fitting_past(trajectories: Trajectories, most: int) -> int:
         longest = int(trajectories.lengths.max())
         raise InputError(f"trajectories: the longest has {longest} rows, a filter needs windows of 3")
     return max(past for past in range(2, max(most, 2) + 1) if windows(past) >= 0.5 * windows(2))
+
+
+def random_filter(trajectories: Trajectories, dimension: int, generator: np.random.Generator) -> LinearFilter:
+    """A filter that remembers, of random weights, and expects nothing: q' = A q + B a + K o, o standardised.
+
+    Directions are forgotten at rates of e within 1 to 30 steps.
+    """
+    standard, p = standardise(trajectories), dimension
+    o, actions = trajectories.observation.shape[1], trajectories.action.shape[1]
+    rotation = np.linalg.qr(generator.standard_normal((p, p)))[0]
+    return LinearFilter(
+        A=rotation @ np.diag(np.exp(-1.0 / generator.uniform(1.0, 30.0, p))),
+        B=generator.standard_normal((p, actions)) / np.sqrt(actions),
+        c=np.zeros(p),
+        K=generator.standard_normal((p, o)) / np.sqrt(o),
+        C=np.zeros((o, p)),
+        D=np.zeros((o, actions)),
+        d=np.zeros(o),
+        S=np.eye(o),
+        initial_mean=np.zeros(p),
+        initial_covariance=np.zeros((p, p)),
+        limit=1e3,
+        shift=standard.shift,
+        scale=standard.scale,
+    )

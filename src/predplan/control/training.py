@@ -26,7 +26,7 @@ from predplan.control.moments import Moments
 from predplan.control.networks import ActorCritic
 from predplan.control.pool import Pool
 from predplan.control.ppo import PPO, PPOSettings
-from predplan.control.refitting import Known, learn_filter
+from predplan.control.refitting import Known, learn_filter, random_filter
 from predplan.control.sampling import Batch, Episodes, Sampler, replay
 from predplan.control.tasks import FloatArray
 from predplan.control.trpo import TRPO, TRPOSettings
@@ -200,8 +200,11 @@ class Training:
         if self.method.filter is None:
             return batch, episodes
         self._pool.add(batch)
-        settings = self._innovation(self.method.filter)
-        self.learner.model, self._known = learn_filter(self._pool.trajectories(), settings, None, 100)
+        settings, explored = self._innovation(self.method.filter), self._pool.trajectories()
+        if self.method.filter.random:
+            self.learner.model = random_filter(explored, settings.dimension, self._learning)
+        else:
+            self.learner.model, self._known = learn_filter(explored, settings, None, 100)
         self.sampler.memory = self._predictive(self.learner.model)
         return replay(self.sampler.memory, batch), episodes
 
