@@ -15,6 +15,7 @@ from tests.control.systems import example, simulate
 SETTINGS = PredictorSettings(
     innovation=InnovationSettings(past=5, future=4, dimension=3),
     refinement=RefinementSettings(epochs=15),
+    correction=None,
     kernel=KernelSettings(past=4, future=3, dimension=5, frequencies=40),
     recurrent=RecurrentSettings(hidden=4, epochs=2),
     orders=(2, 12, 40),

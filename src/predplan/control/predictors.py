@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from predplan.control.autoregression import fit_autoregression, hold_last, predict_next, standardise, window_moments
+from predplan.control.correction import CorrectionSettings, fit_correction
 from predplan.control.filtering import PredictiveModel
 from predplan.control.innovation import InnovationSettings, fit_innovation
 from predplan.control.kernel_psr import KernelSettings, fit_kernel
@@ -29,6 +30,7 @@ class PredictorSettings:
     innovation: InnovationSettings = field(default_factory=InnovationSettings)
     refinement: RefinementSettings | None = field(default_factory=RefinementSettings)
     kernel: KernelSettings | None = field(default_factory=KernelSettings)
+    correction: CorrectionSettings | None = field(default_factory=CorrectionSettings)  # of the refined filter
     recurrent: RecurrentSettings | None = field(default_factory=RecurrentSettings)
     orders: tuple[int, ...] = ORDERS
     lam: float = 1e-8  # of the autoregressions' ridge
@@ -74,7 +76,7 @@ def predictors(
     training: Trajectories, settings: PredictorSettings, generator: np.random.Generator
 ) -> Iterator[tuple[str, Predict]]:
     """Names and predictors, each learned when it is its turn, with a generator of its own; filters come last."""
-    kernel, recurrent, refinement = generator.spawn(3)
+    kernel, recurrent, refinement, correction = generator.spawn(4)
     yield "last", _last(training)
     standard = standardise(training)
     filled = training.with_observation(hold_last(training, standard.shift))
@@ -90,6 +92,9 @@ def predictors(
     if settings.refinement:
         found = fit_refined(training, settings.innovation, settings.refinement, refinement)
         yield "innovation refined", _filter(found.model)
+        if settings.correction:
+            corrected = fit_correction(found.model, training, settings.correction, correction)
+            yield "innovation corrected", _filter(corrected)
 
 
 def _last(training: Trajectories) -> Predict:
