@@ -150,7 +150,7 @@ class Training:
             parts["standard"], parts["moments"] = _arrays(self._known.standard), _arrays(self._known.moments)
         if self._variance is not None:
             parts["variance"] = {"explored": self._variance}
-        arrays = {f"{part}.{name}": one for part, named in parts.items() for name, one in named.items()}
+        arrays = {f"{part}.{name}": np.array(one) for part, named in parts.items() for name, one in named.items()}
         generators = [self._acting, self._learning, *self.environments.generators()]
         return arrays, {
             "generators": [one.bit_generator.state for one in generators],
