@@ -11,6 +11,7 @@ import torch
 
 from predplan.artifacts.tensors import read_tensors, write_tensors
 from predplan.control.environments import EnvironmentSettings
+from predplan.control.memories import under
 from predplan.control.methods import find_method
 from predplan.control.policies import Learned
 from predplan.control.training import Diverged, Progress, Schedule, Training
@@ -133,15 +134,17 @@ def _put_away(training: Training, order: Order, progress: list[Progress], path: 
 
 def _resume(training: Training, order: Order, path: Path) -> list[Progress]:
     arrays, sheet = read_tensors(path, KIND)
+    found = sheet.get("order", {})
     for name, wanted in _sheet(order).items():
-        if sheet.get("order", {}).get(name) != wanted:
-            raise InputError(f"{path}: {name}: found {sheet['order'].get(name)}, expected {wanted}; choose another folder")
+        if found.get(name) != wanted:
+            raise InputError(f"{path}: {name}: found {found.get(name)}, expected {wanted}; choose another folder")
+    columns = {name: one.tolist() for name, one in under(arrays, "progress").items()}
+    rest = {name: one for name, one in arrays.items() if not name.startswith("progress.")}
     try:
-        training.take_up({name: one for name, one in arrays.items() if not name.startswith("progress.")}, sheet["training"])
+        training.take_up(rest, sheet["training"])
+        return [Progress(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True)]
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise InputError(f"{path}: damaged: {error!r}") from error
-    columns = {name.removeprefix("progress."): one.tolist() for name, one in arrays.items() if name.startswith("progress.")}
-    return [Progress(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True)]
 
 
 def _plain(value: object) -> object:
