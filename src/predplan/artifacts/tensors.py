@@ -36,4 +36,7 @@ def read_tensors(path: Path, kind: str) -> tuple[dict[str, NDArray[Any]], dict[s
         raise InputError(f"{path}: damaged, or not a {kind}: {error}") from error
     if metadata.get("kind") != kind:
         raise InputError(f"{path}: found {metadata.get('kind')!r}, expected a {kind}")
-    return arrays, dict(json.loads(metadata["sheet"]))
+    try:
+        return arrays, dict(json.loads(metadata["sheet"]))
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: damaged: its sheet is not whole") from error
