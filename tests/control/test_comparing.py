@@ -14,9 +14,11 @@ from scipy import stats
 from predplan.artifacts.provenance import Provenance
 from predplan.artifacts.tables import write_table
 from predplan.control.comparing import (
+    compare_all,
     compare_runs,
     final_mean,
     holm,
+    is_baseline,
     mean_over_training,
     permutation_p,
     summarise,
@@ -99,6 +101,20 @@ def test_conditions_are_apart() -> None:
     rows = compare_runs(runs, "rpsp", ["fm2", "gru"], measure="final_return")
     assert [(row["noise"], row["other"]) for row in rows] == [(0.2, "fm2"), (0.2, "gru"), (0.0, "gru")]
     assert rows[0]["measure"] == "final_return"
+
+
+def test_baselines() -> None:
+    names = ["fm2", "fm10", "gru", "gru64", "rpsp", "fm2-trpo", "gru-predictive"]
+    assert [name for name in names if is_baseline(name)] == ["fm2", "fm10", "gru", "gru64"]
+
+
+def test_all_comparisons_that_are_told() -> None:
+    runs = [
+        made_run(name, seed, 10.0 * seed) for name in ("rpsp", "fm2", "gru", "rpsp-vrpg", "rpsp-alt") for seed in (0, 1)
+    ]
+    pairs = [(row["method"], row["other"]) for row in compare_all(runs)]
+    own = [("rpsp", other) for other in ("fm2", "gru", "rpsp-vrpg", "rpsp-alt")]
+    assert pairs == [*own, ("rpsp-vrpg", "rpsp-alt")]
 
 
 def test_one_seed_is_too_few() -> None:

@@ -7,6 +7,7 @@ distribution but cannot get below 2 / 2^n. Holm's correction is for all that a m
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
@@ -17,6 +18,9 @@ from scipy import stats
 from predplan.control.tables import CONDITION, DIVERGED, Row
 from predplan.control.tasks import FloatArray
 
+OWN = "rpsp"
+"""The method that all others are held against."""
+ALIKE = (("rpsp-vrpg", "rpsp-alt"), ("gru-predictive", "gru"))
 LEVEL = 0.05
 """Differences with a corrected p-value above it are not counted as differences."""
 BETTER, WORSE, EQUAL, TOO_FEW = "better", "worse", "no difference", "too few seeds"
@@ -76,6 +80,24 @@ def compare_runs(
             named = dict(zip(CONDITION, condition, strict=True)) | {"method": method, "other": other}
             rows.append({**named, "measure": measure, **row, "holm_p": p, "verdict": _verdict(row["difference"], p)})
     return rows
+
+
+def compare_all(runs: Sequence[Row], method: str = OWN) -> list[dict[str, Any]]:
+    """The comparisons that the report tells of: the method against all baselines, then against all else that ran.
+
+    Variants are held against each other too where they are of one idea (`ALIKE`). Each is a family of its own for
+    Holm's correction, as each is a question of its own.
+    """
+    names = list(dict.fromkeys(str(run["method"]) for run in runs))
+    baselines = [name for name in names if is_baseline(name) and name != method]
+    others = [name for name in names if name not in baselines and name != method]
+    rows = compare_runs(runs, method, baselines) + compare_runs(runs, method, others)
+    return rows + [row for one, other in ALIKE for row in compare_runs(runs, one, [other])]
+
+
+def is_baseline(method: str) -> bool:
+    """Whether a method has no predictive state, and is updated as ours: a finite memory (fm2) or a GRU (gru, gru64)."""
+    return re.fullmatch(r"fm\d+|gru\d*", method) is not None
 
 
 def summarise(runs: Sequence[Row]) -> list[dict[str, Any]]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from predplan.control.comparing import BETTER, EQUAL, TOO_FEW, WORSE
+from predplan.control.comparing import BETTER, EQUAL, OWN, TOO_FEW, WORSE, is_baseline
 from predplan.control.curves import Condition
-from predplan.reporting.control.labels import OWN, is_baseline, label_of, titled
+from predplan.reporting.control.labels import label_of, titled
 from predplan.reporting.control.results import ControlResults
 
 MUCH = 0.3

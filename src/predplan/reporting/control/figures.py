@@ -48,7 +48,11 @@ def learning_figure(
             label_ends(canvas, axes, ends, gap_points=GAP_POINTS * len(shown))
         panels[-1].set_xlabel("environment steps, exploration included")
         svg = to_svg(canvas)
-    return Figure(name, svg, f"{caption}. Means over {_seeds(results, shown, methods)}; bands are one standard error.")
+    text = f"{caption}. Means over {_seeds(results, shown, methods)}; bands are one standard error."
+    rows = [row for c in shown for method in methods if (row := results.summary(c, method))]
+    if any(row["diverged"] for row in rows):
+        text += " A run that diverged counts from there on with its first return, that of the exploration."
+    return Figure(name, svg, text)
 
 
 def degradation_figure(results: ControlResults, methods: Sequence[str], drop: bool) -> Figure | None:

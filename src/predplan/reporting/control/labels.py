@@ -5,10 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
+from predplan.control.comparing import OWN
 from predplan.control.curves import Condition
 
-OWN = "rpsp"
-"""The method that all others are held against."""
 TITLES = {
     "cartpole": "CartPole",
     "swimmer": "Swimmer",
@@ -54,17 +53,12 @@ def observed(condition: Condition) -> str:
     _, noise, drop = condition
     parts = [f"noise σ = {noise:g}"] if noise else []
     parts += [f"{100 * drop:g} % lost"] if drop else []
-    return ", ".join(parts) or "exact"
+    return ", ".join(parts) or "exact positions"
 
 
 def titled(condition: Condition) -> str:
     """A condition in a few words."""
     return f"{task_title(condition[0])}, {observed(condition)}"
-
-
-def is_baseline(method: str) -> bool:
-    """Whether a method has no predictive state, and is updated as ours: a finite memory or a GRU."""
-    return re.fullmatch(r"fm\d+|gru\d*", method) is not None
 
 
 def groups(methods: Sequence[str]) -> list[tuple[str, str, list[str]]]:
@@ -73,8 +67,8 @@ def groups(methods: Sequence[str]) -> list[tuple[str, str, list[str]]]:
     sizes = [name for name in methods if re.fullmatch(r"gru\d*", name)]
     found = [
         ("learning", "A predictive state against finite memories and a GRU (Figure 5.5)", _of(MAIN, methods)),
-        ("parts", "What parts of it are worth (Figure 5.8)", _of(PARTS, methods)),
-        ("forms", "Forms of it, and other updates (Figure 5.6)", _of(FORMS, methods)),
+        ("parts", "What the parts of RPSP are worth (Figure 5.8)", _of(PARTS, methods)),
+        ("forms", "Forms of RPSP, and other updates (Figure 5.6)", _of(FORMS, methods)),
         ("latent", "Predictive and latent states (Figure 5.7)", _of(("rpsp", "gru", "gru-predictive"), methods)),
         ("sizes", "Sizes of a GRU (Figure 5.10)", sizes),
         ("windows", "Lengths of a finite memory (Figure 5.11)", windows),

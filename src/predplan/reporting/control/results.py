@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from predplan.control.comparing import summarise
+from predplan.control.comparing import is_baseline, summarise
 from predplan.control.curves import Condition, Curve, condition_of, learning_curves
 from predplan.control.tables import Row
-from predplan.reporting.control.labels import LABELS, TITLES, is_baseline
+from predplan.reporting.control.labels import LABELS, TITLES
 
 
 @dataclass(frozen=True)

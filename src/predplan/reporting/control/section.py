@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from predplan.reporting.control import claims, figures, tables
 from predplan.reporting.control.departures import DEPARTURES, LIMITATIONS
-from predplan.reporting.control.labels import MAIN, PARTS, groups
+from predplan.reporting.control.labels import MAIN, PARTS, groups, task_title
 from predplan.reporting.control.results import ControlResults
 from predplan.reporting.document import Block, Items, Section, Text
 
@@ -66,7 +66,7 @@ def curve_sections(results: ControlResults) -> tuple[Section, ...]:
             for conditions, suffix, words in (
                 (exact, "", ""),
                 *(
-                    ([c for c in degraded if c[0] == task], f"-{task}", f", worse observed: {task}")
+                    ([c for c in degraded if c[0] == task], f"-{task}", f": {task_title(task)} with noise or losses")
                     for task in _tasks(degraded)
                 ),
             )

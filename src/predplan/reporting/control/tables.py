@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from predplan.control.curves import Condition
+from predplan.control.comparing import OWN, is_baseline
+from predplan.control.curves import Condition, condition_of
 from predplan.control.tables import Row
-from predplan.reporting.control.labels import MAIN, OWN, is_baseline, label_of, observed, task_title, titled
+from predplan.reporting.control.labels import MAIN, label_of, observed, task_title, titled
 from predplan.reporting.control.results import ControlResults
 from predplan.reporting.document import Cell, Table
 
@@ -27,10 +28,10 @@ def mean_table(results: ControlResults) -> Table:
     return Table(
         ("Observed", *(label_of(name) for name in methods), f"{label_of(OWN)} against the best baseline"),
         tuple(rows),
-        "Mean return over training, exploration included (area under return against steps, over steps): means over "
-        f"runs and their standard errors. {_runs(results)} The highest mean of each row stands out. The best baseline "
-        "is that with the highest mean, chosen afterwards, which is in its favour. Tests: Welch’s t, two-sided, with "
-        "Holm’s correction for all baselines of the row.",
+        "Mean return over training. Area under return against steps, exploration included, over steps: means over "
+        f"runs and their standard errors. {_runs(results)} σ is in units of each position’s spread while exploring. "
+        "The highest mean of each row stands out. The best baseline is that with the highest mean, chosen afterwards, "
+        "which is in its favour. Tests: Welch’s t, two-sided, with Holm’s correction for all baselines of the row.",
     )
 
 
@@ -53,7 +54,7 @@ def variants_table(results: ControlResults, methods: Sequence[str], caption: str
     return Table(
         ("Method", *(titled(condition) for condition in conditions)),
         tuple(rows),
-        f"{caption}: mean return over training and its standard error over runs. ▲ better, ▼ worse than "
+        f"{caption}. Mean return over training and its standard error over runs. ▲ better, ▼ worse than "
         f"{label_of(OWN)} by Welch’s t-test with Holm’s correction, p < .05; without a sign there is no difference to "
         "be told, or too few runs.",
     )
@@ -83,8 +84,9 @@ def threshold_table(results: ControlResults) -> Table | None:
     return Table(
         ("Method", *(titled(condition) for condition in conditions)),
         tuple(rows),
-        "Environment steps, exploration included, until mean return passed the threshold (CartPole: 195 of 200): the "
-        "median over runs, those that never passed it counting as last, and how many passed.",
+        "Steps until a task is solved. Environment steps, exploration included, until mean return passed the threshold "
+        "(CartPole: 195 of 200): the median over runs, those that never passed it counting as last, and how many "
+        "passed.",
     )
 
 
@@ -92,8 +94,8 @@ def tests_table(results: ControlResults) -> Table:
     """Every test that was made."""
     rows: list[tuple[str, ...]] = []
     before: Condition | None = None
-    for row in results.comparisons:
-        condition = (row["task"], row["noise"], row["drop"])
+    for row in sorted(results.comparisons, key=lambda row: results.conditions.index(condition_of(row))):
+        condition = condition_of(row)
         if condition != before:
             before = condition
             rows.append((titled(condition),))
@@ -112,9 +114,9 @@ def tests_table(results: ControlResults) -> Table:
     return Table(
         ("Method / other", "Return", "Runs", "Difference", "Welch p", "Holm p", "Permutation p", "Verdict"),
         tuple(rows),
-        "Differences of mean return over training, with standard errors. Welch’s t-test takes runs as two samples; "
-        "Holm’s correction is for all that the method is held against there; the permutation test takes runs of one "
-        "seed as pairs, is exact, and cannot give less than 2 / 2ⁿ for n pairs. Verdicts are by Holm’s p < .05.",
+        "Every test. Differences of mean return over training, with standard errors. Welch’s t-test takes runs as two "
+        "samples; Holm’s correction is for all that the method is held against there; the permutation test takes runs "
+        "of one seed as pairs, is exact, and cannot give less than 2 / 2ⁿ for n pairs. Verdicts are by Holm’s p < .05.",
     )
 
 
@@ -140,8 +142,8 @@ def prediction_table(results: ControlResults, ahead: int) -> Table:
     return Table(
         ("Predictor", *(titled(condition) for condition in conditions)),
         tuple(rows),
-        f"{steps} ahead, on exploration that nothing was learned from: mean square difference to what a perfect sensor "
-        "would have seen, each coordinate over its variance (1 is the error of the mean), "
+        f"{steps} ahead. On exploration that nothing was learned from: mean square difference to what a perfect "
+        "sensor would have seen, each coordinate over its variance (1 is the error of the mean), "
         f"{_range(min(counts), max(counts))} seeds, with standard errors. The least of each column stands out.",
     )
 
@@ -168,7 +170,7 @@ def cost_table(results: ControlResults) -> Table:
     return Table(
         ("Method", "Runs", "Diverged", "Steps skipped", "CPU s a run", "Steps a CPU s"),
         tuple(rows),
-        "Cost and reliability, all tasks and conditions together. Steps skipped: of the filter or of gradients, since "
+        "Cost and reliability. All tasks and conditions together. Steps skipped: of the filter or of gradients, since "
         "their numbers were not finite. Steps a CPU second: environment steps of the whole training loop, on a machine "
         "that did other work too.",
     )
@@ -195,15 +197,16 @@ def _spread(row: Row) -> str:
     return runs + (f", {row['diverged']} diverged" if row["diverged"] else "")
 
 
-def _against_best(results: ControlResults, condition: Condition) -> str:
+def _against_best(results: ControlResults, condition: Condition) -> str | Cell:
     best = results.best_baseline(condition)
     if best is None or results.summary(condition, OWN) is None:
         return WITHOUT
     test = results.compared(condition, OWN, best)
     if test is None:
-        return f"{label_of(best)}: not tested"
-    p = "" if test["holm_p"] is None else f" (p {_p(test['holm_p'], relation=True)})"
-    return f"{label_of(best)}: {test['verdict']}{p}"
+        return Cell("not tested", label_of(best))
+    p = test["holm_p"]
+    relation = "" if p is None else f", p {_p(p)}" if p < 0.001 else f", p = {_p(p)}"
+    return Cell(test["verdict"], label_of(best) + relation)
 
 
 def _shares(results: ControlResults, methods: Sequence[str]) -> list[tuple[str | Cell, ...]]:
@@ -240,13 +243,10 @@ def _number(value: float) -> str:
 
 
 def _thousands(steps: float) -> str:
-    return f"{steps / 1000:.0f}k"
+    return f"{steps / 1000:.3g}k"
 
 
-def _p(p: float | None, relation: bool = False) -> str:
+def _p(p: float | None) -> str:
     if p is None:
         return WITHOUT
-    if p < 0.001:
-        return "< .001"
-    shown = f"{p:.3f}".removeprefix("0")
-    return f"= {shown}" if relation else shown
+    return "< .001" if p < 0.001 else f"{p:.3f}".removeprefix("0")
