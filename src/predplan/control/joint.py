@@ -52,9 +52,6 @@ class JointSettings:
         for name in ("rate", "steps", "largest_gradient"):
             if not getattr(self, name) > 0:
                 raise InputError(f"{name}: found {getattr(self, name)}, expected a number above 0")
-        for name in ("rate", "steps", "largest_gradient"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"{name}: found {getattr(self, name)}, expected a number above 0")
 
 
 @dataclass(frozen=True)
