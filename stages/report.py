@@ -12,6 +12,8 @@ from typing import Any
 
 from predplan.artifacts.files import read_json, write_whole
 from predplan.artifacts.tables import TableSchema, read_table
+from predplan.control.tables import COMPARISONS as RUN_TESTS
+from predplan.control.tables import LEARNING, PREDICTION, RUNS
 from predplan.errors import InputError, PredplanError
 from predplan.labelling.methods import UNTIMED
 from predplan.labelling.tables import ABLATIONS, COMPARISONS, CONFUSION, COSTS, CURVE, SCORES, TAG_SCORES, TAGGED
@@ -20,6 +22,8 @@ from predplan.planning.benchmark_tables import SUMMARY as SUMMARIES
 from predplan.planning.tables import COMPARISONS as TESTS
 from predplan.planning.tables import CURVES as COST_CURVES
 from predplan.planning.tables import EXAMPLE, FIELD, OUTCOMES, STEPS, TIMES
+from predplan.reporting.control.results import ControlResults
+from predplan.reporting.control.section import control_section
 from predplan.reporting.document import Section
 from predplan.reporting.labelling.results import CorpusResults
 from predplan.reporting.labelling.section import labelling_section
@@ -44,7 +48,9 @@ def main(params: Path, out: Path) -> None:
     if not corpora:
         raise InputError(f"{params}: labelling.corpora is empty; expected one corpus at least")
     planning = planning_section(read_suites(settings), read_benchmark(settings))
-    write_report(out, [labelling_section(corpora), planning])
+    control = read_control(settings)
+    systems = [labelling_section(corpora), planning, *([control_section(control)] if control else [])]
+    write_report(out, systems)
 
 
 def read_results(folder: Path, name: str, settings: CorpusSettings) -> CorpusResults:
@@ -106,6 +112,26 @@ def read_suite(folder: Path, name: str, settings: SuiteSettings) -> SuiteResults
         steps_of=settings.steps_of,
         **tables,
     )
+
+
+def read_control(settings: Settings) -> ControlResults | None:
+    """The results of all tasks together; None where none was run.
+
+    Raises InputError, which names the stage to run again, where a task lacks one of its tables.
+    """
+    folders = sorted(path for path in (Path(settings.out) / "results" / "control").glob("*") if path.is_dir())
+    if not folders:
+        return None
+    tables = {
+        name: [row for folder in folders for row in _rows(folder / f"{name}.parquet", schema)]
+        for name, schema in (
+            ("learning", LEARNING),
+            ("runs", RUNS),
+            ("prediction", PREDICTION),
+            ("comparisons", RUN_TESTS),
+        )
+    }
+    return ControlResults(**tables)
 
 
 def write_report(out: Path, systems: Sequence[Section]) -> None:

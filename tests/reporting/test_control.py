@@ -52,7 +52,7 @@ def made_results(
             (0.0, 0.2), (("last", 0.05), ("order 2", 0.002), ("refined", 0.001)), (1, 3, 5), range(2)
         )
     ]
-    return ControlResults(learning, runs, compare_all(runs), prediction, (("Sampling over raw stepping", "0.7"),))
+    return ControlResults(learning, runs, compare_all(runs), prediction)
 
 
 def cells(row: tuple[str | Cell, ...]) -> list[Cell]:
@@ -137,7 +137,7 @@ def test_groups_hold_every_method() -> None:
 
 @pytest.mark.parametrize("seeds", [1, 5])
 def test_the_whole_section(seeds: int) -> None:
-    section = control_section(made_results(seeds))
+    section = control_section(made_results(seeds), [("Sampling over raw stepping", "0.7")])
     text = to_markdown(section, "control")
     figures = [figure.name for figure in all_figures(section)]
     assert len(set(figures)) == len(figures)
@@ -145,6 +145,7 @@ def test_the_whole_section(seeds: int) -> None:
     assert {"learning", "learning-cartpole", "learning-hopper", "noise", "dropped", "prediction", "others"} <= set(
         figures
     )
+    assert "**Sampling over raw stepping:** 0.7." in text
     assert "nan" not in text
     assert "None" not in text
     assert to_page("t", "s", [section]).count("<svg ") == len(figures)

@@ -10,10 +10,12 @@ import pytest
 from predplan.artifacts.files import write_json
 from predplan.artifacts.provenance import Provenance
 from predplan.artifacts.tables import TableSchema, write_table
+from predplan.control import tables as control
 from predplan.errors import InputError
 from predplan.labelling import tables
 from stages import report
 from tests.reporting.made import made_results
+from tests.reporting.test_control import made_results as made_control
 
 PARAMS = """root: .
 params: p.yaml
@@ -63,6 +65,25 @@ def test_same_bytes_twice_and_no_leftovers(params: Path, tmp_path: Path) -> None
     (out / "labelling" / "old.svg").write_text("old", encoding="utf-8")
     report.main(params, out)
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == first
+
+
+def test_control_is_told_where_it_was_run(params: Path, tmp_path: Path) -> None:
+    made = made_control(2, ("rpsp", "fm2"), (("cartpole", 0.0, 0.0),))
+    folder = tmp_path / "results" / "control" / "cartpole"
+    for name, schema in (
+        ("learning", control.LEARNING),
+        ("runs", control.RUNS),
+        ("prediction", control.PREDICTION),
+        ("comparisons", control.COMPARISONS),
+    ):
+        _write(folder / f"{name}.parquet", schema, getattr(made, name))
+    report.main(params, tmp_path / "reports")
+    text = (tmp_path / "reports" / "control.md").read_text(encoding="utf-8")
+    assert (tmp_path / "reports" / "control" / "learning.svg").is_file()
+    assert "| exact positions | **" in text
+    (folder / "comparisons.parquet").unlink()
+    with pytest.raises(InputError, match=r"comparisons\.parquet: no such file.*dvc repro compare"):
+        report.main(params, tmp_path / "reports")
 
 
 @pytest.mark.parametrize(

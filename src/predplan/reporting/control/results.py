@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -22,8 +22,6 @@ class ControlResults:
     runs: Sequence[Row] = ()
     comparisons: Sequence[Row] = ()
     prediction: Sequence[Row] = ()
-    # Of measurements made apart from training, where they were: (what, number and unit).
-    speeds: Sequence[tuple[str, str]] = field(default=())
 
     @cached_property
     def conditions(self) -> list[Condition]:

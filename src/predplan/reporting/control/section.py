@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from predplan.reporting.control import claims, figures, tables
 from predplan.reporting.control.departures import DEPARTURES, LIMITATIONS
 from predplan.reporting.control.labels import MAIN, PARTS, groups, task_title
@@ -22,8 +24,8 @@ HOW = (
 NOTHING = "No task was run: params.yaml names none under control.tasks."
 
 
-def control_section(results: ControlResults) -> Section:
-    """The whole report on control."""
+def control_section(results: ControlResults, speeds: Sequence[tuple[str, str]] = ()) -> Section:
+    """The whole report on control; speeds: what was measured apart from training, and found."""
     differs = Section("What differs from the thesis, and why", (Items(DEPARTURES),))
     limits = Section("Limitations", (Items((*few_runs(results), *LIMITATIONS)),))
     if not results.runs:
@@ -38,7 +40,7 @@ def control_section(results: ControlResults) -> Section:
         *degradation_sections(results),
         *part_sections(results),
         *prediction_sections(results),
-        Section("Cost and reliability", (tables.cost_table(results), *speeds(results))),
+        Section("Cost and reliability", (tables.cost_table(results), *measured(speeds))),
         differs,
         limits,
     )
@@ -129,9 +131,9 @@ def few_runs(results: ControlResults) -> tuple[tuple[str, str], ...]:
     )
 
 
-def speeds(results: ControlResults) -> tuple[Block, ...]:
+def measured(speeds: Sequence[tuple[str, str]]) -> tuple[Block, ...]:
     """What was measured apart from training."""
-    return (Items(tuple((f"{what}:", f"{value}.") for what, value in results.speeds)),) if results.speeds else ()
+    return (Items(tuple((f"{what}:", f"{value}.") for what, value in speeds)),) if speeds else ()
 
 
 def _tasks(conditions: list[tuple[str, float, float]]) -> list[str]:
