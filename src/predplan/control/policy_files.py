@@ -19,7 +19,7 @@ from predplan.artifacts.files import read_json, write_json
 from predplan.artifacts.tensors import read_tensors, write_tensors
 from predplan.control.environments import EnvironmentSettings
 from predplan.control.linear_filter import LinearFilter
-from predplan.control.memories import under
+from predplan.control.memories import Arrays, under
 from predplan.control.methods import find_method
 from predplan.control.models import load_model, save_model
 from predplan.control.networks import ActorCritic
@@ -76,14 +76,32 @@ def load_policy(folder: Path) -> Learned:
     model = load_model(folder) if method.filter is not None else None
     if model is not None and not isinstance(model, LinearFilter):
         raise InputError(f"{folder}: filter.json: kind: expected 'linear'")
-    whitening = Whitening(**under(arrays, "whitening"))
+    whitening = _whitening(folder / WEIGHTS, under(arrays, "whitening"))
     network = ActorCritic(len(whitening.mean), sizes[1], method.network, torch.Generator())
     weights = {key: torch.from_numpy(one) for key, one in under(arrays, "network").items()}
     try:
         network.load_state_dict(weights)
     except RuntimeError as error:
         raise InputError(f"{folder / WEIGHTS}: not the weights of {name!r}: {error}") from error
-    return Learned(task, str(name), method, sizes[0], sizes[1], network, whitening, model)
+    if model is not None and (model.observation_size, model.B.shape[1]) != tuple(sizes):
+        found = f"{model.observation_size} observations and {model.B.shape[1]} actions"
+        raise InputError(f"{folder}: filter.safetensors: found a filter of {found}, expected {sizes[0]} and {sizes[1]}")
+    learned = Learned(task, str(name), method, sizes[0], sizes[1], network, whitening, model)
+    told = learned.memory(1).size
+    if told != len(whitening.mean):
+        raise InputError(
+            f"{folder / WEIGHTS}: whitening.mean: found {len(whitening.mean)} numbers, expected {told}: as many as"
+            f" {name!r} is told of {sizes[0]} observations"
+        )
+    return learned
+
+
+def _whitening(path: Path, arrays: Arrays) -> Whitening:
+    shapes = {name: one.shape for name, one in arrays.items()}
+    size = len(arrays["mean"]) if "mean" in arrays and arrays["mean"].ndim == 1 else 0
+    if size == 0 or shapes != {"mean": (size,), "matrix": (size, size)}:
+        raise InputError(f"{path}: whitening: found arrays of shapes {shapes}, expected mean [F] and matrix [F, F]")
+    return Whitening(*(np.array(arrays[name], np.float64) for name in ("mean", "matrix")))
 
 
 def _task(path: Path, found: Any) -> EnvironmentSettings:
