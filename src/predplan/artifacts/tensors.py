@@ -21,7 +21,7 @@ def write_tensors(path: Path, arrays: Mapping[str, NDArray[Any]], kind: str, she
     whole = {name: np.asarray(one, order="C") for name, one in arrays.items()}
     data = save(whole, metadata={"kind": kind, "sheet": json.dumps(dict(sheet), allow_nan=False)})
     with write_whole(path) as temporary:
-        temporary.write_bytes(data)
+        temporary.write_bytes(_ordered(data))
 
 
 def read_tensors(path: Path, kind: str) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
@@ -40,3 +40,11 @@ def read_tensors(path: Path, kind: str) -> tuple[dict[str, NDArray[Any]], dict[s
         return arrays, dict(json.loads(metadata["sheet"]))
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: damaged: its sheet is not whole") from error
+
+
+def _ordered(data: bytes) -> bytes:
+    """The same file with its header's fields in order: safetensors writes metadata in an order that changes."""
+    end = 8 + int.from_bytes(data[:8], "little")
+    header = json.dumps(json.loads(data[8:end]), sort_keys=True, separators=(",", ":")).encode()
+    header += b" " * (-len(header) % 8)
+    return len(header).to_bytes(8, "little") + header + data[end:]
