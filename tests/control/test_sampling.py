@@ -88,9 +88,9 @@ def test_the_next_batch_goes_on() -> None:
         np.testing.assert_array_equal(getattr(every, name)[17:], getattr(second[0], name))
     np.testing.assert_array_equal(episodes.returns, np.concatenate([first[1].returns, second[1].returns]))
     np.testing.assert_array_equal(episodes.lengths, np.concatenate([first[1].lengths, second[1].lengths]))
-    known = network.known(
-        torch.from_numpy(second[0].features[:-1].astype(np.float32)), second[0].begins[:-1], second[0].core
-    )
+    batch = second[0]
+    features = torch.from_numpy(batch.features[:-1].astype(np.float32))
+    known = network.known(features, batch.begins[:-1], batch.core)
     np.testing.assert_allclose(network.actor(known).detach(), batch.mean, rtol=1e-4, atol=1e-5)
 
 
