@@ -37,7 +37,7 @@ LEARNING = TableSchema(
         *_CONDITION,
         _METHOD,
         _SEED,
-        Column("update", pa.int32(), "1", "updates done; 0 is the exploration"),
+        Column("update", pa.int32(), "1", "updates done; the first follows the exploration"),
         Column("steps", pa.int64(), "1", "environment steps so far, exploration included"),
         Column("episodes", pa.int32(), "1", "episodes that ended in this batch"),
         Column("return_mean", pa.float64(), "1", "mean return of the episodes that ended in this batch", True),
