@@ -105,6 +105,16 @@ def test_every_policy_starts_blind_and_from_its_generator(recurrent: int) -> Non
     assert not all(torch.equal(states[0][name], states[2][name]) for name in states[0])
 
 
+@pytest.mark.parametrize("recurrent", [0, 5])
+def test_acting_with_arrays_is_the_actor(recurrent: int) -> None:
+    network = seeing_network(3, 2, recurrent)
+    known = random(7, recurrent or 3)
+    for _ in range(2):
+        with torch.no_grad():
+            np.testing.assert_allclose(network.acting()(known.numpy()), network.actor(known).numpy(), atol=1e-6)
+            network.actor[0].weight.add_(0.1)  # and again, changed
+
+
 def test_bad_settings_are_named() -> None:
     with pytest.raises(InputError, match="recurrent: found -1, expected 0 or more"):
         NetworkSettings(recurrent=-1)

@@ -17,6 +17,7 @@ noise covariances of the unknown system need to be told apart.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -61,8 +62,8 @@ class LinearFilter:
     def initial(self, copies: int) -> FilterState:
         """q_0 and its covariance, before o_0."""
         return FilterState(
-            np.tile(self.initial_mean, (copies, 1)),
-            np.tile(self.initial_covariance, (copies, 1, 1)),
+            self.initial_mean[None].repeat(copies, axis=0),
+            self.initial_covariance[None].repeat(copies, axis=0),
             np.zeros(copies, np.int64),
         )
 
@@ -81,6 +82,10 @@ class LinearFilter:
 
     def arrays(self) -> tuple[FloatArray, ...]:
         """Parameters as compiled code takes them."""
+        return self._arrays
+
+    @cached_property
+    def _arrays(self) -> tuple[FloatArray, ...]:
         bound = np.array([self.limit])
         arrays = (self.A, self.B, self.c, self.K, self.C, self.D, self.d, self.S, bound)
         return tuple(np.ascontiguousarray(one, np.float64) for one in arrays)

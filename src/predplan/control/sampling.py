@@ -10,15 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from predplan.control.environments import Environments
 from predplan.control.memories import Arrays, Memory, under
-from predplan.control.networks import ActorCritic
+from predplan.control.networks import ActorCritic, SingleArray
 from predplan.control.tasks import BoolArray, FloatArray
 from predplan.control.whitening import Whitening
-
-SingleArray = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -105,12 +102,12 @@ class Sampler:
         features, observations, after, begins = [], [], [], []
         drawn, means, rewards, terminated, truncated, errors = [], [], [], [], [], []
         cut_features, cut_core, returns, lengths = [], [], [], []
-        start, deviation = self.core, torch.exp(network.log_deviation).numpy()
+        start, deviation, act = self.core, torch.exp(network.log_deviation).numpy(), network.acting()
         for _ in range(length):
             seen = memory.features()
             known, following = network.step(torch.from_numpy(whitening(seen).astype(np.float32)), self.core)
-            mean = network.actor(known)
-            action = mean.numpy() + deviation * generator.standard_normal(mean.shape, np.float32)
+            mean = act(known.numpy())
+            action = mean + deviation * generator.standard_normal(mean.shape, np.float32)
             done = np.clip(action, -1.0, 1.0).astype(np.float64)
             expected = memory.predict(done)
             outcome = environments.step(done)
@@ -121,7 +118,7 @@ class Sampler:
                 (after, outcome.observation),
                 (begins, self._begins),
                 (drawn, action),
-                (means, mean.numpy()),
+                (means, mean),
                 (rewards, outcome.reward),
                 (terminated, outcome.terminated),
                 (truncated, outcome.truncated),
@@ -175,11 +172,11 @@ def replay(memory: Memory, batch: Batch) -> Batch:
 
     The memory is left where the batch ends. Its episodes must have begun within the batch.
     """
-    features, cut_features, errors = [], [], []
+    features, cut_features, errors, action = [], [], [], batch.action
     for t in range(len(batch.begins)):
         if t > 0:
-            errors.append((batch.after[t - 1] - memory.predict(batch.action[t - 1])) ** 2)
-            memory.observe(batch.action[t - 1], batch.after[t - 1])
+            errors.append((batch.after[t - 1] - memory.predict(action[t - 1])) ** 2)
+            memory.observe(action[t - 1], batch.after[t - 1])
             cut_features.append(memory.features()[batch.truncated[t - 1]])
         rows = np.flatnonzero(batch.begins[t])
         if len(rows):

@@ -52,8 +52,8 @@ class Whitening:
 
     def __call__(self, values: FloatArray) -> FloatArray:
         """[n, F] -> [n, F]."""
-        white: FloatArray = np.clip((values - self.mean) @ self.matrix.T, -10.0, 10.0)
-        return white
+        white: FloatArray = (values - self.mean) @ self.matrix.T
+        return np.clip(white, -10.0, 10.0, out=white)
 
 
 def no_whitening(size: int) -> Whitening:
@@ -76,7 +76,9 @@ def whiten(statistics: Statistics, floor: float) -> Whitening:
 
 
 @torch.no_grad()
-def carry_over(weight: torch.Tensor, bias: torch.Tensor, matrix: FloatArray, offset: FloatArray, new: Whitening) -> None:
+def carry_over(
+    weight: torch.Tensor, bias: torch.Tensor, matrix: FloatArray, offset: FloatArray, new: Whitening
+) -> None:
     """Change a layer's weight [H, G] and bias [H] so that it makes of new(x) what it made of matrix x + offset.
 
     The weight may change its width, from that of matrix [G, F] to F.
