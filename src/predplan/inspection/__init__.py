@@ -11,8 +11,8 @@ from pathlib import Path
 def show(artifact: Path, save: Path | None = None) -> Path | None:
     """Open the viewer on an artifact and wait until it is closed; with save, write the recording there instead.
 
-    An .rrd file is opened as it is, and so is an .mcap file that is no plan. Returns save. Raises InputError for what
-    is no artifact of predplan, PredplanError where the viewer does not start.
+    An .rrd file is opened as it is, and so is an .mcap file that holds neither a plan nor rollouts. Returns save.
+    Raises InputError for what is no artifact of predplan, PredplanError where the viewer does not start.
     """
     from predplan.inspection import pages, recording
 

@@ -109,7 +109,8 @@ def against_the_best(results: ControlResults) -> str:
 
 def _judged(claim: Claim, found: Sequence[str]) -> str:
     decided = [verdict for verdict in found if verdict != TOO_FEW]
-    counts = [f"{found.count(verdict)} {words}" for verdict, words in FOUND if verdict in found]
+    counted = [(found.count(verdict), words) for verdict, words in FOUND if verdict in found]
+    counts = [words if len(found) == 1 else f"{count} {words}" for count, words in counted]
     tests = "1 test" if len(found) == 1 else f"{len(found)} tests"
     agree = sum(verdict == claim.expected for verdict in decided)
     if not decided:

@@ -84,9 +84,9 @@ def threshold_table(results: ControlResults) -> Table | None:
     return Table(
         ("Method", *(titled(condition) for condition in conditions)),
         tuple(rows),
-        "Steps until a task is solved. Environment steps, exploration included, until mean return passed the threshold "
-        "(CartPole: 195 of 200): the median over runs, those that never passed it counting as last, and how many "
-        "passed.",
+        "Steps until a task is solved. Environment steps, exploration included, until the mean return of the last five "
+        "batches passed the threshold (CartPole: 195 of 200): the median over runs, those that never passed it counting "
+        "as last, and how many passed.",
     )
 
 
