@@ -85,7 +85,7 @@ def threshold_table(results: ControlResults) -> Table | None:
         ("Method", *(titled(condition) for condition in conditions)),
         tuple(rows),
         "Steps until a task is solved. Environment steps, exploration included, until the mean return of the last five "
-        "batches passed the threshold (CartPole: 195 of 200): the median over runs, those that never passed it counting "
+        "batches passed the threshold (CartPole: 195 of 200): the median over runs, of which those that never did count "
         "as last, and how many passed.",
     )
 
