@@ -98,7 +98,7 @@ class Sampler:
         self, network: ActorCritic, whitening: Whitening, length: int, generator: np.random.Generator
     ) -> tuple[Batch, Episodes]:
         """T = length steps of every copy."""
-        n, environments, memory = self.environments.copies, self.environments, self.memory
+        environments, memory = self.environments, self.memory
         features, observations, after, begins = [], [], [], []
         drawn, means, rewards, terminated, truncated, errors = [], [], [], [], [], []
         cut_features, cut_core, returns, lengths = [], [], [], []
