@@ -45,6 +45,7 @@ class RefinementSettings:
     rows: int = 150  # through which gradients go back
     share: float = 0.2  # of trajectories, held out to say when to stop
     patience: int = 15  # epochs without a better one on what is held out
+    least_age: int = 5  # of the rows that count; younger ones would draw the filter to what no filter can know yet
     descent: DescentSettings = field(default_factory=DescentSettings)
 
     def __post_init__(self) -> None:
@@ -116,7 +117,7 @@ def fit_refined(
     found = _refine(fit_innovation(training, innovation), training, held_out, settings, progress)
     start = fit_innovation(trajectories, innovation)
     models = [start, *(model for model, _ in islice(_epochs(start, trajectories, settings), found.best))]
-    return replace(found, model=_Loss(start, trajectories, settings.rows).sized(models[-1]))
+    return replace(found, model=_Loss(start, trajectories, settings).sized(models[-1]))
 
 
 def hold_out(
@@ -137,7 +138,7 @@ def _refine(
     settings: RefinementSettings,
     progress: Report | None,
 ) -> Refinement:
-    judge = _Loss(model, held_out, settings.rows)
+    judge = _Loss(model, held_out, settings)
     start = judge.of(model)
     best, lowest, curve = 0, 1.0, [Epoch(0, 1.0, 1.0, float("nan"), 0)]
     for number, (candidate, step) in enumerate(_epochs(model, training, settings), 1):
@@ -149,14 +150,14 @@ def _refine(
             best, lowest, model = number, epoch.validation, candidate
         if number - best >= settings.patience:
             break
-    return Refinement(_Loss(model, training, settings.rows).sized(model), best, tuple(curve))
+    return Refinement(_Loss(model, training, settings).sized(model), best, tuple(curve))
 
 
 def _epochs(
     model: LinearFilter, trajectories: Trajectories, settings: RefinementSettings
 ) -> Iterator[tuple[LinearFilter, Step]]:
     """The filter after each step."""
-    coordinates, loss = Coordinates(model), _Loss(model, trajectories, settings.rows)
+    coordinates, loss = Coordinates(model), _Loss(model, trajectories, settings)
     start, bound = loss.of(model), max(1.0, radius(model))
     known: dict[int, tuple[float, Tensor] | None] = {}
 
@@ -194,14 +195,15 @@ def radius(model: LinearFilter) -> float:
 class _Loss:
     """Mean square error of what a filter predicts of trajectories, as far as it could be foretold at the start."""
 
-    def __init__(self, model: LinearFilter, trajectories: Trajectories, rows: int) -> None:
-        self._pieces = cut(trajectories, rows, model.shift, model.scale)
+    def __init__(self, model: LinearFilter, trajectories: Trajectories, settings: RefinementSettings) -> None:
+        self._pieces = cut(trajectories, settings.rows, model.shift, model.scale)
         self._trajectories, self._limit = trajectories, model.limit
         self._goes_on = bool((trajectories.age[self._pieces.first] > 0).any())
         self._start = torch.zeros(len(self._pieces.first), model.state_size, dtype=torch.float64)
         self.go_on_from(model)
         every_age = np.ones((1, int(trajectories.lengths.max())), np.bool_)
         foretold = _gains(_tensors(model), every_age)[1][0].diagonal(dim1=1, dim2=2).sum(dim=1)
+        foretold[: min(settings.least_age, len(foretold) - 1)] = torch.inf
         weight = (float(np.trace(model.S)) / foretold)[self._pieces.age][self._pieces.seen]
         self._weight = weight / (weight.sum() * len(model.S))
 
