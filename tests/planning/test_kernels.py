@@ -19,6 +19,7 @@ from predplan.planning.kernels import (
     normalise,
     with_derivative,
 )
+from predplan.planning.tension import Tension
 
 SMOOTH: dict[str, Kernel] = {
     "gaussian": Gaussian(0.3),
@@ -33,6 +34,7 @@ SMOOTH: dict[str, Kernel] = {
     "normalised": normalise(condition(Gaussian(0.3))),
 }
 KERNELS: dict[str, Kernel] = SMOOTH | {
+    "tension": Tension(0.12),
     "laplacian": Laplacian(0.3),
     "b-spline 3": BSpline(0.2),
     "waypoints, velocity": Waypoints(20, "velocity"),

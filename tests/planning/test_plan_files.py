@@ -15,7 +15,7 @@ from predplan.planning.certificates import certify
 from predplan.planning.collisions import nearest_names
 from predplan.planning.paths import polyline, quintic
 from predplan.planning.plan_files import CEILING, FACTS, clearance_of, read_plan, write_motion, write_plan
-from predplan.planning.planner import Attempt, Plan
+from predplan.planning.plans import Attempt, Plan
 from predplan.planning.robots import planar_arm
 from predplan.planning.scenes import Box, Scene, Sphere, make_scene
 from predplan.planning.timing import trajectory

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from predplan.planning.certificates import Certificate, certify
     from predplan.planning.plan_files import read_plan, write_plan
-    from predplan.planning.planner import METHODS, Plan, Planner, PlannerSettings
+    from predplan.planning.planner import METHODS, Planner, PlannerSettings
+    from predplan.planning.plans import Plan
     from predplan.planning.robot_files import read_robot
     from predplan.planning.robots import Robot
     from predplan.planning.scene_files import Request, read_request, read_scene
@@ -40,7 +41,8 @@ __all__ = [
 _NAMES = {
     "certificates": ("Certificate", "certify"),
     "plan_files": ("read_plan", "write_plan"),
-    "planner": ("METHODS", "Plan", "Planner", "PlannerSettings"),
+    "planner": ("METHODS", "Planner", "PlannerSettings"),
+    "plans": ("Plan",),
     "robot_files": ("read_robot",),
     "robots": ("Robot",),
     "scene_files": ("Request", "read_request", "read_scene"),

@@ -58,7 +58,7 @@ def clearances(
     pair_clearance: FloatArray,
 ) -> None:
     """Signed clearances (m) at q [D], none above `ceiling`: fills sphere_clearance [S] and pair_clearance [P]."""
-    centres, link_centres, _, _ = _placed(chain, q)
+    centres, link_centres, _, _ = placed(chain, q)
     first = chain.link_first[chain.scene_link]
     sphere_clearance[:first] = ceiling
     for s in range(first, centres.shape[0]):
@@ -91,7 +91,7 @@ def body_cost(
     Fills gradient [D]; returns the cost and the smallest clearance (m) seen: inf where no sphere is within epsilon
     of an obstacle and no link pair within self_epsilon. epsilon and self_epsilon are the clearances that cost nothing.
     """
-    centres, link_centres, rotations, positions = _placed(chain, q)
+    centres, link_centres, rotations, positions = placed(chain, q)
     wrench = np.zeros((rotations.shape[0], 6))
     cost, least = 0.0, np.inf
     for link in range(chain.scene_link, chain.link_frame.shape[0]):
@@ -132,7 +132,7 @@ def worst_cost(
 
     Fills gradient [D]; returns the cost and the sphere's clearance (m), inf where no sphere is within epsilon.
     """
-    centres, link_centres, rotations, positions = _placed(chain, q)
+    centres, link_centres, rotations, positions = placed(chain, q)
     wrench = np.zeros((rotations.shape[0], 6))
     least, worst, wx, wy, wz = epsilon, -1, 0.0, 0.0, 0.0
     for link in range(chain.scene_link, chain.link_frame.shape[0]):
@@ -167,7 +167,7 @@ def worst_cost(
 @njit(cache=True, nogil=True, error_model="numpy")
 def point_costs(chain: Chain, obstacles: Obstacles, q: FloatArray, epsilon: float, costs: FloatArray) -> None:
     """Workspace cost of each body sphere at q [D]: fills costs [S]."""
-    centres, _, _, _ = _placed(chain, q)
+    centres, _, _, _ = placed(chain, q)
     first = chain.link_first[chain.scene_link]
     costs[:first] = 0.0
     for s in range(first, centres.shape[0]):
@@ -225,7 +225,7 @@ def nearest_names(robot: Robot, scene: Scene, q: FloatArray) -> list[tuple[str, 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _placed(chain: Chain, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def placed(chain: Chain, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Centres [S, 3], link centres [L, 3], rotations [D + 1, 3, 3] and positions [D + 1, 3] in the world at q."""
     rotations, positions = np.empty((q.shape[0] + 1, 3, 3)), np.empty((q.shape[0] + 1, 3))
     centres = np.empty((chain.sphere_radius.shape[0], 3))

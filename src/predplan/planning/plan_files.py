@@ -36,7 +36,7 @@ from predplan.planning.timing import Timing
 from predplan.planning.visuals import frame_poses, robot_solids, scene_solids
 
 if TYPE_CHECKING:
-    from predplan.planning.planner import Plan
+    from predplan.planning.plans import Plan
 
 CLEARANCE, FACTS = "/clearance", "plan.json"
 TO_SCENE, TO_ITSELF = "scene_m", "self_m"

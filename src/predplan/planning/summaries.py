@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
-from predplan.planning.planner import Plan
+from predplan.planning.plans import Plan
 
 
 def as_plain_data(plan: Plan) -> dict[str, Any]:
