@@ -22,6 +22,7 @@ class PeerSettings:
 
     seeds: int = 1
     own_s: float = 1.0  # ours, and the floor of RRT-Connect with shortcuts
+    kernel_s: float = 0.5  # ours from kernel starts alone
     ompl_s: float = 2.0  # OMPL's RRT-Connect; its simplification comes on top, and ends by itself
     optimising_s: float = 1.0  # OMPL's optimising planners, which use all of it
     drake_s: float = 5.0

@@ -40,7 +40,9 @@ def make(name: str, robot: Robot, settings: PeerSettings) -> Prepare:
         return descending(robot, normalise(Waypoints(CHOMP_WAYPOINTS, "acceleration")), descent, CHOMP_WAYPOINTS)
     if name == "rrt-connect":
         return lambda problem: _sampling(problem, settings.own_s)
-    return _planning(Planner(robot), "cascade" if name == "cascade" else "kernel", settings.own_s)
+    if name == "kernel":
+        return _planning(Planner(robot), "kernel", settings.kernel_s)
+    return _planning(Planner(robot), "cascade", settings.own_s)
 
 
 def descent_settings(reduce: int, inverse_step: float, iterations: int) -> Descent:
