@@ -34,18 +34,18 @@ def draw_rollouts(recording: rr.RecordingStream, artifact: Path) -> Page:
     _log_coordinates(recording, found, times)
     _log_state(recording, found, times)
     _log_rewards(recording, found, times)
-    step = found.rollouts.step_duration
+    step, predicts = found.rollouts.step_duration, _predicts(found)
     below: list[rrb.View] = [
         whole_plot("gained", "Return so far", legend=False),
         sliding_plot("reward", "Reward", step, legend=False),
         sliding_plot("actions", "Actions", step),
     ]
     if found.rollouts.state.shape[1]:
-        below.insert(0, sliding_plot("state", "Predictive state", step, legend=False))
+        below.insert(0, sliding_plot("state", "Predictive state" if predicts else "Memory", step, legend=False))
     left = rrb.Vertical(
         robot_view(
             recording,
-            "Robot and prediction" if _predicts(found) else "Robot",
+            "Robot and prediction" if predicts else "Robot",
             found.frames,
             found.solids,
             found.rollouts.trajectories.first,
@@ -136,15 +136,13 @@ def _explanation(found: RolloutFile) -> str:
             "The blue ghost is where the robot was expected one step before; where in the world it is comes from the "
             "robot itself, as that is not observed."
         )
-    parts.append(
-        "In the plots: white true, blue predicted" + (", amber observed" if settings.noise else "") + _crosses(found)
-    )
+    curves = ["white true"]
+    curves += ["blue predicted"] if _predicts(found) else []
+    curves += ["amber observed"] if settings.noise or settings.drop else []
+    curves += ["crosses where an observation was lost"] if not found.rollouts.trajectories.seen.all() else []
+    parts.append(f"In the plots: {', '.join(curves)}.")
     parts.append("Space plays and pauses.")
     return " ".join(parts)
-
-
-def _crosses(found: RolloutFile) -> str:
-    return ", crosses where an observation was lost." if not found.rollouts.trajectories.seen.all() else "."
 
 
 def _episodes(found: RolloutFile) -> str:

@@ -85,8 +85,8 @@ def threshold_table(results: ControlResults) -> Table | None:
         ("Method", *(titled(condition) for condition in conditions)),
         tuple(rows),
         "Steps until a task is solved. Environment steps, exploration included, until the mean return of the last five "
-        "batches passed the threshold (CartPole: 195 of 200): the median over runs, those that never did counting as last, "
-        "and how many passed.",
+        "batches passed the threshold (CartPole: 195 of 200). Medians over runs, those that never did counting as "
+        "last, and how many passed.",
     )
 
 
