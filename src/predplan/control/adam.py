@@ -30,7 +30,9 @@ class Adam:
         """Of the loss by all parameters, one vector; 0 where it does not depend on one."""
         gradients = torch.autograd.grad(loss, self._parameters, allow_unused=True, retain_graph=True)
         both = zip(self._parameters, gradients, strict=True)
-        return torch.cat([(torch.zeros_like(one) if slope is None else slope).reshape(-1).float() for one, slope in both])
+        return torch.cat(
+            [(torch.zeros_like(one) if slope is None else slope).reshape(-1).float() for one, slope in both]
+        )
 
     @torch.no_grad()
     def follow(self, gradient: Tensor, largest: float) -> bool:

@@ -9,6 +9,7 @@ loop behind the same interface.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Protocol
@@ -17,6 +18,7 @@ import gymnasium
 import mujoco
 import numpy as np
 from mujoco import rollout
+from numpy.typing import NDArray
 
 from predplan.control.tasks import BoolArray, FloatArray, IntArray, Motion, Task, find_task
 from predplan.errors import InputError, PredplanError
@@ -134,7 +136,7 @@ class Environments:
         """Where all copies are; with `generators`, all that is needed to go on from here."""
         return {"age": self._age.copy(), "state": self.physics.state()}
 
-    def restore(self, arrays: dict[str, FloatArray | IntArray]) -> None:
+    def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Go on from there."""
         self._age = np.array(arrays["age"], np.int64)
         self.physics.restore(np.array(arrays["state"], np.float64))

@@ -109,7 +109,9 @@ class Joint:
             modules.register_parameter("log_deviation", learner.network.log_deviation)
         self._adam, self._normaliser = Adam(modules, settings.rate), Normaliser(settings.averaging)
 
-    def steps(self, learner: Learner, batch: Batch, history: Pool, drawn: Tensor, advantage: Tensor) -> tuple[LinearFilter, int]:
+    def steps(
+        self, learner: Learner, batch: Batch, history: Pool, drawn: Tensor, advantage: Tensor
+    ) -> tuple[LinearFilter, int]:
         """The model after the settings' steps, and how many were skipped; a filter that is not stable is not kept."""
         assert learner.model is not None
         self.filter.load_state_dict(DifferentiableFilter(learner.model).state_dict())

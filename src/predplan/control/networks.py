@@ -39,6 +39,11 @@ class NetworkSettings:
 class ActorCritic(nn.Module):
     """Mean and log deviation of actions, and the expected return, of whitened features."""
 
+    core: nn.GRU | None
+    actor: nn.Sequential
+    critic: nn.Sequential
+    value_scale: Tensor
+
     def __init__(self, features: int, actions: int, settings: NetworkSettings, generator: torch.Generator) -> None:
         super().__init__()
         self.settings = settings
@@ -55,8 +60,9 @@ class ActorCritic(nn.Module):
     def first_layers(self) -> list[tuple[Tensor, Tensor]]:
         """Weights and biases of what reads the features."""
         if self.core is not None:
-            return [(self.core.weight_ih_l0, self.core.bias_ih_l0)]
-        return [(one[0].weight, one[0].bias) for one in (self.actor, self.critic)]
+            own: dict[str, Tensor] = dict(self.core.named_parameters())
+            return [(own["weight_ih_l0"], own["bias_ih_l0"])]
+        return [(one.weight, one.bias) for one in (_linear(self.actor)[0], _linear(self.critic)[0])]
 
     def initial(self, copies: int) -> Tensor:
         """The core's state [n, H] at an episode's start."""
@@ -76,7 +82,7 @@ class ActorCritic(nn.Module):
         """
         assert self.core is not None
         start = state[pieces.copy] * pieces.carried[:, None]
-        result, _ = self.core(features[pieces.rows], start[None].contiguous())
+        result: Tensor = self.core(features[pieces.rows], start[None].contiguous())[0]
         return result[pieces.inside]
 
     def known(self, features: Tensor, begins: np.ndarray, state: Tensor) -> Tensor:
@@ -91,8 +97,7 @@ class ActorCritic(nn.Module):
 
     def acting(self) -> Callable[[SingleArray], SingleArray]:
         """The actor, of arrays [n, ...] -> [n, A]: of few rows, torch's dispatch costs several times the products."""
-        parts = [one for one in self.actor if isinstance(one, nn.Linear)]
-        layers = [(one.weight.detach().numpy().T, one.bias.detach().numpy()) for one in parts]
+        layers = [(one.weight.detach().numpy().T, one.bias.detach().numpy()) for one in _linear(self.actor)]
 
         def mean(known: SingleArray) -> SingleArray:
             for weight, bias in layers[:-1]:
@@ -122,7 +127,7 @@ class ActorCritic(nn.Module):
     def rescale_values(self, mean: float, deviation: float) -> None:
         """Change the units of values, the values staying as they are."""
         old_mean, old = (float(one) for one in self.value_scale)
-        last = self.critic[-1]
+        last = _linear(self.critic)[-1]
         last.weight *= old / deviation
         last.bias.copy_((old * last.bias + old_mean - mean) / deviation)
         self.value_scale.copy_(torch.tensor([mean, deviation]))
@@ -132,7 +137,8 @@ def log_probability(mean: Tensor, log_deviation: Tensor, action: Tensor) -> Tens
     """log N(action; mean, exp(log_deviation)²) [...] of [..., A]."""
     scaled = (action - mean) * torch.exp(-log_deviation)
     constant = 0.5 * np.log(2.0 * np.pi) * action.shape[-1]
-    return -0.5 * (scaled**2).sum(-1) - log_deviation.sum() - constant
+    result: Tensor = -0.5 * (scaled**2).sum(-1) - log_deviation.sum() - constant
+    return result
 
 
 def divergence(mean: Tensor, log_deviation: Tensor, other: Tensor, other_log_deviation: Tensor) -> Tensor:
@@ -176,6 +182,10 @@ def cut(begins: np.ndarray, copies: IntArray) -> Pieces:
     )
 
 
+def _linear(layers: nn.Sequential) -> list[nn.Linear]:
+    return [one for one in layers if isinstance(one, nn.Linear)]
+
+
 def _layers(inputs: int, hidden: tuple[int, ...], outputs: int) -> nn.Sequential:
     parts: list[nn.Module] = []
     for width in hidden:
@@ -192,5 +202,5 @@ def _initialise(module: ActorCritic, generator: torch.Generator) -> None:
             nn.init.orthogonal_(parameter, gain=1.0 if "core" in name else 2.0**0.5, generator=generator)
         elif "bias" in name:
             parameter.zero_()
-    module.actor[-1].weight.zero_()
-    module.critic[-1].weight /= 2.0**0.5
+    _linear(module.actor)[-1].weight.zero_()
+    _linear(module.critic)[-1].weight.div_(2.0**0.5)

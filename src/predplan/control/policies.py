@@ -120,4 +120,5 @@ class Policy:
         else:
             self._actor.observe(self._row, self._action, seen[None])
         self._action = self._actor.act(self._row)
-        return self._action[0].copy()
+        action: FloatArray = self._action[0].copy()
+        return action

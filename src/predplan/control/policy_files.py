@@ -1,8 +1,8 @@
 """Learned policies as folders. Loading runs no code.
 
-    policy.json           the task and the method it was learned with, and the SHA-256 of the network
-    network.safetensors   weights and whitening
-    filter.*              the predictive state's model, where there is one (`models`)
+policy.json           the task and the method it was learned with, and the SHA-256 of the network
+network.safetensors   weights and whitening
+filter.*              the predictive state's model, where there is one (`models`)
 """
 
 from __future__ import annotations

@@ -109,7 +109,12 @@ def pick(lesson: Lesson, network: ActorCritic, rows: NDArray[np.int64]) -> Part:
         pieces = cut(lesson.begins, np.sort(rows))
         known, index = network.unrolled(features, pieces, lesson.core), pieces.rows[pieces.inside]
     flat = [one.flatten(0, 1)[index] for one in (lesson.mean, lesson.drawn)]
-    return Part(index, known, *flat, *(one.flatten()[index] for one in (lesson.log_probability, lesson.advantage, lesson.target)))
+    return Part(
+        index,
+        known,
+        *flat,
+        *(one.flatten()[index] for one in (lesson.log_probability, lesson.advantage, lesson.target)),
+    )
 
 
 def foretelling_error(network: ActorCritic, lesson: Lesson, part: Part) -> Tensor:
@@ -122,4 +127,5 @@ def foretelling_error(network: ActorCritic, lesson: Lesson, part: Part) -> Tenso
     inside[inside.clone()] = goes_on[following[inside]]
     action = part.drawn.clamp(-1.0, 1.0)
     expected = network.predictor(torch.cat([part.known, action], dim=-1))[inside]
-    return ((expected - lesson.features.flatten(0, 1)[following[inside]]) ** 2).mean()
+    error: Tensor = ((expected - lesson.features.flatten(0, 1)[following[inside]]) ** 2).mean()
+    return error

@@ -68,6 +68,7 @@ def fitting_past(trajectories: Trajectories, most: int) -> int:
 
     Falling poles last a few steps: what is learned from those few that last long would be of these alone.
     """
+
     def windows(past: int) -> int:
         return int(np.maximum(trajectories.lengths - past, 0).sum())
 

@@ -6,10 +6,13 @@ another at once, so that every batch has T n steps, however long episodes are.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from predplan.control.environments import Environments
 from predplan.control.memories import Arrays, Memory, under
@@ -88,7 +91,7 @@ class Sampler:
         """Go on from there."""
         self.core = torch.from_numpy(np.array(arrays["core"]))
         self._return, self._length, self._observation = (
-            np.array(arrays[name]) for name in ("return", "length", "observation")
+            np.array(arrays[name], np.float64) for name in ("return", "length", "observation")
         )
         self._begins = np.array(arrays["begins"], np.bool_)
         self.memory.restore(under(arrays, "memory"))
@@ -99,8 +102,7 @@ class Sampler:
     ) -> tuple[Batch, Episodes]:
         """T = length steps of every copy."""
         environments, memory = self.environments, self.memory
-        features, observations, after, begins = [], [], [], []
-        drawn, means, rewards, terminated, truncated, errors = [], [], [], [], [], []
+        kept: defaultdict[str, list[NDArray[Any]]] = defaultdict(list)
         cut_features, cut_core, returns, lengths = [], [], [], []
         start, deviation, act = self.core, torch.exp(network.log_deviation).numpy(), network.acting()
         for _ in range(length):
@@ -112,19 +114,19 @@ class Sampler:
             expected = memory.predict(done)
             outcome = environments.step(done)
             memory.observe(done, outcome.observation)
-            for kept, one in (
-                (features, seen),
-                (observations, self._observation),
-                (after, outcome.observation),
-                (begins, self._begins),
-                (drawn, action),
-                (means, mean),
-                (rewards, outcome.reward),
-                (terminated, outcome.terminated),
-                (truncated, outcome.truncated),
-                (errors, (outcome.observation - expected) ** 2),
+            for name, one in (
+                ("features", seen),
+                ("observation", self._observation),
+                ("after", outcome.observation),
+                ("begins", self._begins),
+                ("drawn", action),
+                ("mean", mean),
+                ("reward", outcome.reward),
+                ("terminated", outcome.terminated),
+                ("truncated", outcome.truncated),
+                ("error", (outcome.observation - expected) ** 2),
             ):
-                kept.append(one)
+                kept[name].append(one)
             self.core, self._observation = following, outcome.observation
             self._return += outcome.reward
             self._length += 1.0
@@ -144,23 +146,14 @@ class Sampler:
             memory.begin(rows, first)
             self.core = following.clone()
             self.core[torch.from_numpy(rows)] = 0.0
-        features.append(memory.features())
-        observations.append(self._observation)
-        begins.append(self._begins)
+        kept["features"].append(memory.features())
+        kept["observation"].append(self._observation)
+        kept["begins"].append(self._begins)
         batch = Batch(
-            features=np.array(features),
+            **{name: np.array(rows) for name, rows in kept.items()},
             core=start,
-            begins=np.array(begins),
-            observation=np.array(observations),
-            after=np.array(after),
-            drawn=np.array(drawn),
-            mean=np.array(means),
-            reward=np.array(rewards),
-            terminated=np.array(terminated),
-            truncated=np.array(truncated),
             cut_features=np.concatenate(cut_features) if cut_features else np.zeros((0, memory.size)),
             cut_core=torch.cat(cut_core) if cut_core else torch.zeros(0, self.core.shape[1]),
-            error=np.array(errors),
         )
         if not returns:
             return batch, Episodes(np.zeros(0), np.zeros(0))

@@ -17,6 +17,7 @@ import torch
 from predplan.control.adopting import adopt, states_at_end
 from predplan.control.autoregression import Standard
 from predplan.control.environments import Environments, EnvironmentSettings
+from predplan.control.innovation import InnovationSettings
 from predplan.control.joint import VRPG, Alternating, AlternatingSettings, VRPGSettings
 from predplan.control.learner import Learner, Update
 from predplan.control.linear_filter import LinearFilter
@@ -113,6 +114,7 @@ class Training:
         self._follow_model()
         self._check()
         self._cpu += time.process_time() - began
+        assert self._variance is not None
         error = np.nanmean(batch.error / self._variance) if np.isfinite(batch.error).any() else np.nan
         some = len(episodes.returns) > 0
         return Progress(
@@ -255,9 +257,10 @@ class Training:
     def _predictive_size(self) -> int:
         assert self.method.filter is not None
         o, actions = self.environments.observation_size, self.environments.action_size
-        return self._innovation(self.method.filter).dimension + self.method.window * (o + 1 + actions)
+        size: int = self._innovation(self.method.filter).dimension + self.method.window * (o + 1 + actions)
+        return size
 
-    def _innovation(self, settings: FilterSettings) -> Any:
+    def _innovation(self, settings: FilterSettings) -> InnovationSettings:
         dimension = settings.dimension or 2 * self.environments.observation_size
         return replace(settings.innovation, dimension=dimension)
 

@@ -143,5 +143,7 @@ def _flat(tensors: tuple[Tensor, ...]) -> Tensor:
 
 def _put(vector: Tensor, parameters: list[nn.Parameter]) -> None:
     """Into the parameters' own memory: last digits of products depend on where numbers lie, and so would a resumption."""
-    for one, part in zip(parameters, vector.split([one.numel() for one in parameters]), strict=True):
-        one.copy_(part.view_as(one))
+    at = 0
+    for one in parameters:
+        one.copy_(vector[at : at + one.numel()].view_as(one))
+        at += one.numel()
