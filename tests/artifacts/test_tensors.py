@@ -1,16 +1,18 @@
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from safetensors.numpy import save
 
 from predplan.artifacts.tensors import read_tensors, write_tensors
 from predplan.errors import InputError
 
-ARRAYS = {
+ARRAYS: dict[str, NDArray[Any]] = {
     "numbers": np.arange(6.0).reshape(2, 3),
-    "single": np.float32([1.5]),
+    "single": np.array([1.5], np.float32),
     "none": np.zeros((4, 0)),
     "alone": np.array(2.0),
     "flags": np.array([True, False]),

@@ -26,7 +26,9 @@ def seeing_network(features: int, actions: int, recurrent: int = 0, seed: int = 
     """A small policy whose mean and value depend on what it is told."""
     network = ActorCritic(features, actions, NetworkSettings((16,), recurrent), torch.Generator().manual_seed(seed))
     with torch.no_grad():
-        torch.nn.init.normal_(network.actor[-1].weight, std=0.3, generator=torch.Generator().manual_seed(seed + 1))
+        last = network.actor[-1]
+        assert isinstance(last, torch.nn.Linear)
+        torch.nn.init.normal_(last.weight, std=0.3, generator=torch.Generator().manual_seed(seed + 1))
     return network
 
 

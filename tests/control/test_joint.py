@@ -76,11 +76,11 @@ def test_gradients_of_both_losses_are_finite_differences(
     monkeypatch.setattr(torch.Tensor, "float", torch.Tensor.double)  # differences of single precision say little
     drawn, advantage = lesson.drawn.double(), lesson.advantage.double()
 
-    settled = model.K.copy()
+    settled, K = model.K.copy(), dict(joint.filter.named_parameters())["K"]
 
     def moved_gains(model: LinearFilter, trajectories: Trajectories) -> np.ndarray:
         """K_t = constant + K."""
-        change = joint.filter.K.detach().numpy() - settled
+        change = K.detach().numpy() - settled
         return gains(model, trajectories) + change * trajectories.seen[:, None, None]
 
     monkeypatch.setattr("predplan.control.joint.gains", moved_gains)
@@ -269,7 +269,8 @@ def actions(learner: Learner, pool: Pool) -> np.ndarray:
     assert learner.model is not None
     after = filter_trajectories(learner.model, pool.trajectories()).after
     with torch.no_grad():
-        return learner.network.actor(torch.from_numpy(learner.whitening(after)).float()).numpy()
+        means: np.ndarray = learner.network.actor(torch.from_numpy(learner.whitening(after)).float()).numpy()
+        return means
 
 
 @pytest.mark.parametrize(

@@ -73,13 +73,14 @@ def test_probabilities_divergence_and_entropy_are_torchs() -> None:
     mean, other, action = (random(7, 3, seed=seed) for seed in range(3))
     wide, narrow = torch.tensor([0.3, -0.5, 0.0]), torch.tensor([-0.2, 0.1, -1.0])
     first, second = Independent(Normal(mean, wide.exp()), 1), Independent(Normal(other, narrow.exp()), 1)
-    torch.testing.assert_close(log_probability(mean, wide, action), first.log_prob(action))
+    torch.testing.assert_close(log_probability(mean, wide, action), first.log_prob(action))  # type: ignore[no-untyped-call]
     torch.testing.assert_close(divergence(mean, wide, other, narrow), kl_divergence(first, second))
     assert float(divergence(mean, wide, mean, wide).abs().max()) < 1e-6
     network = seeing_network(4, 3)
     with torch.no_grad():
         network.log_deviation.copy_(wide)
-    assert network.entropy == pytest.approx(float(first.entropy()[0]), rel=1e-6)
+    entropy = float(first.entropy()[0])  # type: ignore[no-untyped-call]
+    assert network.entropy == pytest.approx(entropy, rel=1e-6)
 
 
 def test_values_stay_when_their_units_change() -> None:
@@ -112,7 +113,7 @@ def test_acting_with_arrays_is_the_actor(recurrent: int) -> None:
     for _ in range(2):
         with torch.no_grad():
             np.testing.assert_allclose(network.acting()(known.numpy()), network.actor(known).numpy(), atol=1e-6)
-            network.actor[0].weight.add_(0.1)  # and again, changed
+            next(network.actor.parameters()).add_(0.1)  # and again, changed
 
 
 def test_bad_settings_are_named() -> None:

@@ -47,12 +47,12 @@ def acted(policy: Policy, seen: np.ndarray) -> np.ndarray:
 def test_a_policy_is_the_mean_of_what_its_network_makes_of_the_memory(method: str) -> None:
     one = learned(method)
     memory, network, core = one.memory(1), one.network, one.network.initial(1)
-    policy = Policy(one)
+    policy, action = Policy(one), np.zeros(1)
     for t, seen in enumerate(observations()):
         if t == 0:
             memory.begin(np.array([0]), seen[None])
         else:
-            memory.observe(action[None], seen[None])  # noqa: F821
+            memory.observe(action[None], seen[None])
         action = policy.act(seen)
         with torch.no_grad():
             known, core = network.step(whitened(memory.features(), one.whitening), core)

@@ -101,7 +101,7 @@ def test_what_is_put_away_goes_on_the_same() -> None:
         for one in (pool, other):
             one.add(batch)
         copy = Pool(COPIES, 60)
-        copy.restore({name: one.copy() for name, one in other.arrays().items()})
+        copy.restore({name: array.copy() for name, array in other.arrays().items()})
         other = copy
-    for name, one in pool.arrays().items():
-        np.testing.assert_array_equal(one, other.arrays()[name])
+    for name, array in pool.arrays().items():
+        np.testing.assert_array_equal(array, other.arrays()[name])

@@ -37,7 +37,7 @@ def test_the_first_gradient_is_the_policy_gradient_and_the_values_regression(rec
     expected = torch.cat([one.reshape(-1) for one in torch.autograd.grad(loss, parameters)]).numpy()
     update = PPO(learner, PPOSettings(rate=1e-12, epochs=1, minibatch=10_000, largest_gradient=1e9))
     report = update(learner, batch, NO_HISTORY, np.random.default_rng(0))
-    found = update.arrays()["first"] / 0.1
+    found = np.array(update.arrays()["first"], np.float64) / 0.1
     np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-5 * np.abs(expected).max())
     assert report.divergence == pytest.approx(0.0, abs=1e-6)
     assert report.skipped == 0

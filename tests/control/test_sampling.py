@@ -124,8 +124,9 @@ def test_what_is_put_away_goes_on_the_same() -> None:
     arrays = {name: np.array(one) for name, one in first.arrays().items()}
     second.restore(arrays)
     second.environments.restore({name: np.array(one) for name, one in first.environments.arrays().items()})
-    for one, other in zip(first.environments.generators(), second.environments.generators(), strict=True):
-        other.bit_generator.state = one.bit_generator.state
+    generators = (made.environments.generators() for made in (first, second))
+    for own, copied in zip(*generators, strict=True):
+        copied.bit_generator.state = own.bit_generator.state
     (one, episodes), (other, others) = (
         made.collect(network, white, 20, np.random.default_rng(1)) for made in (first, second)
     )

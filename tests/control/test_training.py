@@ -131,7 +131,7 @@ def test_a_network_that_is_not_finite_ends_learning() -> None:
     training = Training(CARTPOLE, METHODS["fm2"], SCHEDULE, 0)
     advance(training, 1)
     with torch.no_grad():
-        training.learner.network.critic[-1].bias.fill_(float("nan"))
+        list(training.learner.network.critic.parameters())[-1].fill_(float("nan"))
     with pytest.raises(Diverged, match=r"critic.*is not finite after update 2, 256 steps"):
         training.advance()
 
