@@ -82,6 +82,16 @@ METHOD_COLOURS = {
     "gru": GREEN,
     "gru-trpo": DEEP_GREEN,
     "gru-predictive": DEEP_GREEN,
+    "last": LIGHT_GREY,
+    "order 1": YELLOW,
+    "order 2": ORANGE,
+    "order 5": AMBER,
+    "order 10": VERMILLION,
+    "order 20": BROWN,
+    "kernel": ROSE,
+    "innovation": SKY,
+    "innovation refined": BLUE,
+    "innovation corrected": DEEP_BLUE,
 }
 
 MISTAKE = VERMILLION

@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator, NullLocator
 
 from predplan.control.curves import Condition
 from predplan.palette import colour_of
-from predplan.reporting.control.labels import label_of, task_title, titled
+from predplan.reporting.control.labels import AT, label_of, predictor_label, task_title, titled
 from predplan.reporting.control.results import ControlResults
 from predplan.reporting.document import Figure
 from predplan.reporting.drawing import drawing_look, label_ends, new_canvas, to_svg
@@ -98,7 +98,7 @@ def degradation_figure(results: ControlResults, methods: Sequence[str], drop: bo
 def prediction_figure(results: ControlResults) -> Figure | None:
     """Errors by steps ahead, a panel a condition; None where all are one step ahead."""
     several = {
-        condition: {name: errors for name, errors in own.items() if len(errors) > 1}
+        condition: {name: errors for name, errors in own.items() if len(errors) > 1 and AT not in name}
         for condition, own in results.errors.items()
     }
     several = {condition: own for condition, own in several.items() if own}
@@ -116,7 +116,7 @@ def prediction_figure(results: ControlResults) -> Figure | None:
                 ahead = sorted(errors)
                 mean = [errors[k][0] for k in ahead]
                 axes.plot(ahead, mean, color=colour_of(name), linewidth=1.5, marker="o", markersize=3)
-                ends.append((float(ahead[-1]), mean[-1], label_of(name), colour_of(name)))
+                ends.append((float(ahead[-1]), mean[-1], predictor_label(name), colour_of(name)))
             _dress(axes, titled(condition))
             axes.set_ylabel("error")
             axes.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -139,4 +139,6 @@ def _seeds(results: ControlResults, conditions: Sequence[Condition], methods: Se
     """How many runs the means of a figure are over."""
     counts = {row["seeds"] for c in conditions for name in methods if (row := results.summary(c, name))}
     low, high = min(counts, default=0), max(counts, default=0)
+    if high == 1:
+        return "one run of each"
     return f"{low} runs" if low == high else f"{low} to {high} runs"

@@ -33,6 +33,16 @@ LABELS = {
     "gru-trpo": "GRU, TRPO",
     "gru-predictive": "GRU, prediction loss",
 }
+AT = " at "
+"""Between the name of a predictor and that of the order on whose rows it is compared."""
+PREDICTORS = {
+    "last": "last observation",
+    "gru": "GRU",
+    "kernel": "kernel filter, as in the thesis",
+    "innovation": "predictive state",
+    "innovation refined": "predictive state, refined",
+    "innovation corrected": "predictive state, refined and corrected",
+}
 MAIN = ("rpsp", "fm2", "fm10", "gru")
 PARTS = ("rpsp", "rpsp-frozen", "rpsp-random", "rpsp-reactive", "rpsp-unrefined")
 FORMS = ("rpsp", "rpsp-obs", "rpsp-vrpg", "rpsp-alt", "rpsp-trpo", "fm2-trpo", "gru-trpo")
@@ -41,6 +51,14 @@ FORMS = ("rpsp", "rpsp-obs", "rpsp-vrpg", "rpsp-alt", "rpsp-trpo", "fm2-trpo", "
 def label_of(method: str) -> str:
     """What a method is called; its own name if it has no other."""
     return LABELS.get(method, method)
+
+
+def predictor_label(name: str) -> str:
+    """What a predictor is called; `... at order 20` is one on the fewer rows that order 20 has."""
+    own, at, order = name.partition(AT)
+    if own.startswith("order "):
+        return f"autoregression, {own}"
+    return PREDICTORS.get(own, label_of(own)) + (f", on the rows of {order}" if at else "")
 
 
 def task_title(task: str) -> str:

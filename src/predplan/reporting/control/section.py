@@ -111,7 +111,9 @@ def prediction_sections(results: ControlResults) -> tuple[Section, ...]:
     figure = figures.prediction_figure(results)
     found = tuple(tables.prediction_table(results, k) for k in ahead)
     further = Section("Several steps ahead", (*((figure,) if figure else ()), *found[1:]), folded=True)
-    return (Section("How well observations are foretold", found[:1], (further,) if found[1:] else ()),)
+    told = claims.foretold(results)
+    blocks = (*((Text(told),) if told else ()), *found[:1])
+    return (Section("How well observations are foretold", blocks, (further,) if found[1:] else ()),)
 
 
 def few_runs(results: ControlResults) -> tuple[tuple[str, str], ...]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from predplan.control.comparing import OWN, is_baseline
 from predplan.control.curves import Condition, condition_of
 from predplan.control.tables import Row
-from predplan.reporting.control.labels import MAIN, label_of, observed, task_title, titled
+from predplan.reporting.control.labels import AT, MAIN, label_of, observed, predictor_label, task_title, titled
 from predplan.reporting.control.results import ControlResults
 from predplan.reporting.document import Cell, Table
 
@@ -127,7 +127,7 @@ def prediction_table(results: ControlResults, ahead: int) -> Table:
     least = {c: min(own[ahead][0] for own in results.errors[c].values() if ahead in own) for c in conditions}
     rows: list[tuple[str | Cell, ...]] = []
     for name in names:
-        cells: list[str | Cell] = [label_of(name)]
+        cells: list[str | Cell] = [predictor_label(name)]
         for condition in conditions:
             found = results.errors[condition].get(name, {}).get(ahead)
             if found is None:
@@ -138,13 +138,18 @@ def prediction_table(results: ControlResults, ahead: int) -> Table:
                 cells.append(Cell(f"{mean:.3g}", spread, best=mean == least[condition]))
         rows.append(tuple(cells))
     counts = {own[ahead][2] for c in conditions for own in results.errors[c].values() if ahead in own}
+    fewer = (
+        " Orders that need longer pasts have fewer rows; the last rows are on these."
+        if any(AT in n for n in names)
+        else ""
+    )
     steps = "One step" if ahead == 1 else f"{ahead} steps"
     return Table(
         ("Predictor", *(titled(condition) for condition in conditions)),
         tuple(rows),
         f"{steps} ahead. On exploration that nothing was learned from: mean square difference to what a perfect "
         "sensor would have seen, each coordinate over its variance (1 is the error of the mean), "
-        f"{_range(min(counts), max(counts))} seeds, with standard errors. The least of each column stands out.",
+        f"{_seeds(min(counts), max(counts))}. The least of each column stands out.{fewer}",
     )
 
 
@@ -236,6 +241,10 @@ def _runs(results: ControlResults) -> str:
 
 def _range(low: int, high: int) -> str:
     return f"{low}" if low == high else f"{low} to {high}"
+
+
+def _seeds(low: int, high: int) -> str:
+    return f"means over {_range(low, high)} seeds and standard errors" if high > 1 else "one seed"
 
 
 def _number(value: float) -> str:
