@@ -9,7 +9,7 @@ differentiated through the filter from the beginning of each episode.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
@@ -59,14 +59,14 @@ class VRPGSettings:
     """Joint policy gradients with variance normalisation."""
 
     joint: JointSettings = JointSettings()
-    values: TRPOSettings = TRPOSettings()  # how values are regressed
+    values: TRPOSettings = field(default_factory=TRPOSettings)  # how values are regressed
 
 
 @dataclass(frozen=True)
 class AlternatingSettings:
     """An update of the policy on the states as they are, then steps of the filter."""
 
-    policy: TRPOSettings | PPOSettings = TRPOSettings()
+    policy: TRPOSettings | PPOSettings = field(default_factory=TRPOSettings)
     joint: JointSettings = JointSettings(policy=0.01, rate=1e-4, steps=5)
     most_divergence: float = 0.03  # KL by which the filter's steps may move the policy
     floor: float = 1e-5  # of the whitening

@@ -34,8 +34,8 @@ class FilterSettings:
 class Method:
     """A policy and its update."""
 
-    update: UpdateSettings = PPOSettings()
-    network: NetworkSettings = NetworkSettings()
+    update: UpdateSettings = field(default_factory=PPOSettings)
+    network: NetworkSettings = field(default_factory=NetworkSettings)
     window: int = 1  # last observations that it is told
     filter: FilterSettings | None = None  # None: no predictive state
     whitening_rows: int = 20_000  # by so many rows features are whitened, the latest counting fully

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
@@ -29,7 +29,7 @@ class PPOSettings:
     clip: float = 0.2  # of probability ratios
     most_divergence: float = 0.05  # epochs end beyond it
     largest_gradient: float = 0.5  # norm
-    advantages: AdvantageSettings = AdvantageSettings()
+    advantages: AdvantageSettings = field(default_factory=AdvantageSettings)
 
     def __post_init__(self) -> None:
         for name in ("rate", "epochs", "minibatch", "clip", "most_divergence", "largest_gradient"):

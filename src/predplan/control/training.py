@@ -69,7 +69,7 @@ class Progress:
     cpu_s: float  # so far
 
 
-class Diverged(PredplanError):
+class Diverged(PredplanError):  # noqa: N818 -- what happened, no fault of the program
     """Learning led to numbers that are not finite."""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
@@ -32,7 +32,7 @@ class TRPOSettings:
     epochs: int = 10  # of values
     minibatch: int = 256  # steps, of values
     largest_gradient: float = 0.5
-    advantages: AdvantageSettings = AdvantageSettings()
+    advantages: AdvantageSettings = field(default_factory=AdvantageSettings)
 
     def __post_init__(self) -> None:
         for name in ("bound", "solver_iterations", "damping", "halvings", "rate", "epochs", "minibatch"):
@@ -142,7 +142,7 @@ def _flat(tensors: tuple[Tensor, ...]) -> Tensor:
 
 
 def _put(vector: Tensor, parameters: list[nn.Parameter]) -> None:
-    """Into the parameters' own memory: last digits of products depend on where numbers lie, and so would a resumption."""
+    """Into the parameters' own memory: last digits of products depend on where numbers lie, and a resumption would."""
     at = 0
     for one in parameters:
         one.copy_(vector[at : at + one.numel()].view_as(one))
