@@ -5,7 +5,7 @@ JOBS ?= 2
 
 BIN := $(abspath $(VENV))/bin
 READY := $(VENV)/.ready
-EXTRAS := --extra planning --extra kitchen --extra pipeline --extra dask --extra dev
+EXTRAS := --extra planning --extra kitchen --extra control --extra pipeline --extra dask --extra dev
 
 export VIRTUAL_ENV := $(abspath $(VENV))
 export PATH := $(BIN):$(PATH)
@@ -44,7 +44,7 @@ bench: $(READY) ## speed, measured on this machine; LARGE=--large adds 100 milli
 lock: $(READY) ## pin every dependency anew, by hash
 	$(BIN)/uv pip compile --quiet --upgrade --universal --generate-hashes --python-version 3.11 --no-header $(EXTRAS) \
 		pyproject.toml --output-file requirements.lock
-	$(BIN)/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --no-header $(EXTRAS) --extra peers \
+	$(BIN)/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --no-header $(EXTRAS) --extra peers --extra sb3 \
 		--constraint requirements.lock pyproject.toml --output-file requirements-peers.lock
 
 clean: ## the environment and the tools' caches; data and reports stay

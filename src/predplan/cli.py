@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 from cyclopts import App, CycloptsError, Parameter
 
 from predplan import __version__
+from predplan.cli_control import control
 from predplan.errors import InputError, PredplanError
 
 if TYPE_CHECKING:
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED, PIPE_CLOSED = 0, 1, 2, 130, 141
 
+LEARNING = ("gymnasium", "safetensors", "torch")
+"""Packages that control alone needs."""
+
 app = App(
     name="predplan",
     help="Prediction and planning with kernels and moments.",
@@ -38,6 +42,7 @@ app = App(
 )
 label = App(name="label", help="Tag words, from raw text and a few labelled sentences.")
 app.command(label)
+app.command(control)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -53,7 +58,10 @@ def run(arguments: Sequence[str]) -> int:
     except (CycloptsError, InputError) as error:
         return _failed(error, BAD_INPUT)
     except ModuleNotFoundError as error:
-        needed = f"the package {error.name} is not installed; pip install 'predplan[planning]' brings what plans need"
+        extra = (
+            "control" if str(error.name).split(".")[0] in LEARNING or control.name[0] in arguments[:1] else "planning"
+        )
+        needed = f"the package {error.name} is not installed; pip install 'predplan[{extra}]' brings what is needed"
         return _failed(PredplanError(needed), BAD_INPUT)
     except BrokenPipeError:
         # What Python would still flush at its end has nowhere to go.
