@@ -1,0 +1,191 @@
+"""`predplan control`: learn a policy, and see what one is worth.
+
+Commands import what they need when they run, so that help appears at once.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import App, Parameter
+
+from predplan.errors import InputError, PredplanError
+
+if TYPE_CHECKING:
+    from predplan.control.policies import Learned
+    from predplan.control.rollouts import Evaluation
+    from predplan.control.training import Progress
+
+control = App(name="control", help="Learn to act on noisy, lossy positions, and act.")
+
+COPIES, RECORDED = 16, 3
+"""Episodes side by side in an evaluation, and episodes that are recorded."""
+
+
+@control.command
+def train(
+    task: Annotated[str, Parameter(help="cartpole, swimmer, hopper, walker2d, or a Gymnasium MuJoCo task's id.")],
+    /,
+    *,
+    out: Annotated[Path, Parameter(help="Folder for the policy; an interrupted run there goes on.")],
+    method: Annotated[str, Parameter(help="rpsp, rpsp-obs, fm2, gru, or another of the report's methods.")] = "rpsp",
+    steps: Annotated[int, Parameter(help="Environment steps, exploration included.")] = 100_000,
+    seed: Annotated[int, Parameter(help="Seed: the same one gives the same policy.")] = 0,
+    noise: Annotated[float, Parameter(help="Noise on each position, in units of its spread while exploring.")] = 0.0,
+    drop: Annotated[float, Parameter(help="Share of observations that are lost, from 0 to below 1.")] = 0.0,
+) -> None:
+    """Learn a policy. Interrupted, the same command goes on where it was, to the same policy.
+
+    Exit code 1 says that learning diverged; the learning curve up to there is kept.
+
+    ```
+    predplan control train cartpole --out run --steps 60000
+    predplan control train hopper --out run --noise 0.2 --method rpsp-obs
+    predplan show run/learning.parquet
+    ```
+    """
+    _check_seed(seed)
+    from predplan.control.environments import EnvironmentSettings
+    from predplan.control.methods import find_method
+    from predplan.control.run_files import run_into
+    from predplan.control.running import Order, summarise_run
+    from predplan.control.tables import FINISHED
+    from predplan.control.training import Schedule
+
+    find_method(method)
+    order = Order(EnvironmentSettings(task, noise, drop), method, Schedule(steps=steps), seed)
+    with _progress(steps) as report:
+        found = run_into(out, order, report=report)
+    if found.reason != FINISHED:
+        done = found.progress[-1].steps if found.progress else 0
+        raise PredplanError(
+            f"{found.reason}; after {done} of {steps} steps; the curve is in {out / 'learning.parquet'}"
+        )
+    summary, last = summarise_run(found.progress, task), found.progress[-1]
+    reached = f", 195 after {summary.steps_to_threshold} steps" if summary.steps_to_threshold else ""
+    sys.stdout.write(
+        f"{method} on {task}: {last.steps} steps, mean return {summary.mean_return:.1f}, at the end"
+        f" {summary.final_return:.1f}{reached}; {last.cpu_s:.0f} s of processor; written to {out}\n"
+    )
+
+
+@control.command
+def evaluate(
+    folder: Annotated[Path, Parameter(help="Folder of a policy.")],
+    /,
+    *,
+    episodes: Annotated[int, Parameter(help="Episodes to play.")] = 32,
+    noise: Annotated[float | None, Parameter(help="Noise, as in training unless said.")] = None,
+    drop: Annotated[float | None, Parameter(help="Share of lost observations, as in training unless said.")] = None,
+    seed: Annotated[int, Parameter(help="Seed of starts, noise and losses.")] = 0,
+    save: Annotated[Path | None, Parameter(help="MCAP to record the first few episodes to.")] = None,
+    as_json: Annotated[bool, Parameter(name="--json", help="Write JSON.", negative="")] = False,
+) -> None:
+    """What a policy's mean actions are worth.
+
+    ```
+    predplan control evaluate run --episodes 100 --json
+    predplan control evaluate run --drop 0.3 --save rollout.mcap
+    predplan show rollout.mcap
+    ```
+    """
+    _check_seed(seed)
+    import numpy as np
+
+    from predplan.artifacts.provenance import Provenance, hash_file
+    from predplan.control import rollouts
+    from predplan.control.environments import Environments
+    from predplan.control.policies import PolicyActor
+    from predplan.control.policy_files import load_policy
+
+    if episodes < 1:
+        raise InputError(f"--episodes is {episodes}; expected 1 or more")
+    if save is not None and save.is_dir():
+        raise InputError(f"{save} is a folder; expected a file to write")
+    learned = load_policy(folder)
+    changed = {name: value for name, value in (("noise", noise), ("drop", drop)) if value is not None}
+    task, copies = replace(learned.task, **changed), min(episodes, COPIES)
+    with Environments(task, copies, np.random.default_rng(seed)) as environments:
+        _check_sizes(folder, learned, environments.observation_size, environments.action_size)
+        found = rollouts.evaluate(environments, PolicyActor(learned, copies), episodes)
+    if save is not None:
+        copies = min(episodes, RECORDED)
+        with Environments(task, copies, np.random.default_rng(seed)) as environments:
+            recorded = rollouts.record(environments, PolicyActor(learned, copies), copies)
+        from predplan.control.rollout_files import write_rollouts
+
+        params = {"task": task.task, "noise": task.noise, "drop": task.drop, "method": learned.name}
+        policy = {"policy.json": hash_file(folder / "policy.json")}
+        write_rollouts(save, recorded, learned.name, Provenance(params, seed, upstream=policy))
+    if as_json:
+        sys.stdout.write(json.dumps(_plain(learned, task.noise, task.drop, found), indent=2) + "\n")
+    else:
+        _print(learned, task.noise, task.drop, found, save)
+
+
+def _plain(learned: Learned, noise: float, drop: float, found: Evaluation) -> dict[str, object]:
+    return {
+        "task": learned.task.task,
+        "method": learned.name,
+        "noise": noise,
+        "drop": drop,
+        "episodes": len(found.returns),
+        "return_mean": found.mean,
+        "return_standard_error": found.standard_error,
+        "length_mean": float(found.lengths.mean()),
+        "terminated": found.terminated,
+        "prediction_error": found.prediction_error,
+    }
+
+
+def _print(learned: Learned, noise: float, drop: float, found: Evaluation, save: Path | None) -> None:
+    episodes = len(found.returns)
+    error = "" if found.standard_error is None else f" ± {found.standard_error:.1f}"
+    foretold = "" if found.prediction_error is None else f"\nprediction    error {found.prediction_error:.2g}"
+    written = "" if save is None else f"\nwritten       {save}"
+    sys.stdout.write(
+        f"policy        {learned.name} on {learned.task.task}, noise {noise:g}, drop {drop:g}\n"
+        f"return        {found.mean:.1f}{error} over {episodes} episodes\n"
+        f"length        {found.lengths.mean():.1f} steps\n"
+        f"ended early   {found.terminated / episodes:.0%}{foretold}{written}\n"
+    )
+
+
+def _check_seed(seed: int) -> None:
+    if seed < 0:
+        raise InputError(f"--seed is {seed}; expected 0 or more")
+
+
+def _check_sizes(folder: Path, learned: Learned, observations: int, actions: int) -> None:
+    if (learned.observations, learned.actions) != (observations, actions):
+        raise InputError(
+            f"{folder / 'policy.json'}: found {learned.observations} observations and {learned.actions} actions,"
+            f" expected {observations} and {actions}, which {learned.task.task} has"
+        )
+
+
+@contextmanager
+def _progress(steps: int) -> Iterator[Callable[[Progress], None] | None]:
+    """A bar on stderr with return, prediction error and time left, if that is a terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    columns = (MofNCompleteColumn(), TextColumn("steps"), BarColumn(), TextColumn("{task.description}"))
+    with Bar(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as bar:
+        task = bar.add_task("exploring", total=steps)
+
+        def report(one: Progress) -> None:
+            told = f"return {one.return_mean:.1f}, prediction error {one.prediction_error:.3f}"
+            bar.update(task, completed=min(one.steps, steps), description=told)
+
+        yield report
