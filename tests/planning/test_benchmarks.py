@@ -123,6 +123,7 @@ def test_a_colliding_path_is_solved_but_not_certified() -> None:
     assert straight.clearance_m < 0
     assert straight.acceleration_cost == pytest.approx(0, abs=1e-6)
     assert straight.length_rad == pytest.approx(1.6)
+    assert straight.line_s == straight.duration_s
 
 
 def test_a_path_that_ends_elsewhere_is_no_solution() -> None:
@@ -292,6 +293,7 @@ def test_tables_come_back_and_ratios_are_over_problems_both_solve(tmp_path: Path
     write_rows(tmp_path / "summary.parquet", SUMMARY, [ours, reference], Provenance())
     markdown = to_markdown(motion_bench_section(rows_of(plans), [ours, reference]), "figures")
     assert "| OMPL RRT-Connect + simplification | 50.0 | 0.0 |" in markdown
+    assert "takes 1 of the duration" in markdown
     assert "VAMP" in markdown[markdown.index("Not run here") :]
 
 

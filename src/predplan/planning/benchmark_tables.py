@@ -38,6 +38,7 @@ PLANS = TableSchema(
         Column("acceleration_cost", pa.float64(), "rad2", "half the mean of squared acceleration, likewise"),
         Column("clearance_m", pa.float64(), "m", "smallest distance to obstacles and between links at 501 samples"),
         Column("duration_s", pa.float64(), "s", "rest to rest within velocity and acceleration limits"),
+        Column("line_s", pa.float64(), "s", "the same of the straight line, through whatever is in the way"),
     ),
     _RUNNER,
 )

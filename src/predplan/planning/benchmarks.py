@@ -85,6 +85,7 @@ class Measured:
     acceleration_cost: float = np.nan
     clearance_m: float = np.nan
     duration_s: float = np.nan
+    line_s: float = np.nan  # of the straight line from start to goal, through whatever is in the way
 
 
 def read_problems(folder: FilePath | str, robot: Robot | None = None) -> list[SetProblem]:
@@ -176,6 +177,7 @@ def judge(planner: str, problem: SetProblem, seed: int, found: Found, times_s: t
         acceleration_cost(path),
         float(smallest_clearance(robot.chain, scene.obstacles, np.ascontiguousarray(q), FARTHEST)),
         duration(path, robot.velocity_limit, robot.acceleration_limit),
+        duration(polyline(np.stack([problem.start, problem.goal])), robot.velocity_limit, robot.acceleration_limit),
     )
 
 

@@ -44,9 +44,6 @@ class Chain(NamedTuple):
     link_radius: FloatArray  # [L] m
     link_pairs: IntArray  # [P, 2] links a < b in different frames that must not touch
     moves: BoolArray  # [D + 1, D] joint j moves frame f
-    lever: (
-        FloatArray  # [S, D] bound on how far the sphere's centre moves by unit motion of the joint (see lever_bounds)
-    )
     tool_frame: int
     tool_position: FloatArray  # [3] m, in that frame
     scene_link: int  # links from this one on must not touch the scene; those before it stand in it and do not move
@@ -104,7 +101,7 @@ def make_chain(
     pairs: of numbers of links; tool: its frame and place there, by default the last frame's origin; stands: whether
     links of frame 0 are part of the scene and not tried against it.
     """
-    joints, spheres = len(mounts), sum(len(link.radii) for link in links)
+    joints = len(mounts)
     moves = np.zeros((joints + 1, joints), np.bool_)
     for j, mount in enumerate(mounts):
         moves[j + 1] = moves[mount.parent]
@@ -113,7 +110,7 @@ def make_chain(
     tool_frame, tool_position = tool if tool is not None else (joints, np.zeros(3))
     link_of = np.repeat(np.arange(len(links)), [len(link.radii) for link in links])
     link_frame = _integers([link.frame for link in links])
-    chain = Chain(
+    return Chain(
         parent=_integers([mount.parent for mount in mounts]),
         rotation=_floats([mount.rotation for mount in mounts], 3, 3),
         translation=_floats([mount.translation for mount in mounts], 3),
@@ -131,43 +128,10 @@ def make_chain(
         link_radius=_floats([radius for _, radius in bounds]),
         link_pairs=_integers(sorted({(min(pair), max(pair)) for pair in pairs})).reshape(-1, 2),
         moves=moves,
-        lever=np.zeros((spheres, joints)),
         tool_frame=int(tool_frame),
         tool_position=_floats(tool_position),
         scene_link=int(np.count_nonzero(link_frame == 0)) if stands else 0,
     )
-    return chain._replace(lever=lever_bounds(chain))
-
-
-def lever_bounds(chain: Chain) -> FloatArray:
-    """Bounds [S, D], over all configurations within limits, of a sphere centre's motion by unit motion of a joint.
-
-    That is its distance from the joint's axis for a revolute joint, 1 for a prismatic one, 0 where the joint does not
-    move the sphere. From the sphere inwards, a ball is kept that holds every place the centre can take in the frame
-    at hand: each joint on the way sweeps the ball along its arc or line, and the next ball holds the sweep.
-    """
-    lever = np.zeros((len(chain.sphere_radius), len(chain.parent)))
-    for s, sphere_centre in enumerate(chain.sphere_centre):
-        centre, radius = sphere_centre, 0.0
-        frame = int(chain.sphere_frame[s])
-        while frame > 0:
-            j = frame - 1
-            axis, lower, upper = chain.axis[j], chain.lower[j], chain.upper[j]
-            along = (centre @ axis) * axis
-            across = centre - along
-            distance = float(np.linalg.norm(across))
-            lever[s, j] = 1.0 if chain.prismatic[j] else distance + radius
-            middle, half = (upper + lower) / 2, (upper - lower) / 2
-            if chain.prismatic[j]:
-                centre, radius = centre + middle * axis, radius + half
-            elif half < np.pi / 2:
-                turned = np.cos(middle) * across + np.sin(middle) * np.cross(axis, across)
-                centre, radius = along + np.cos(half) * turned, radius + np.sin(half) * distance
-            else:
-                centre, radius = along, radius + distance
-            centre = chain.rotation[j] @ centre + chain.translation[j]
-            frame = int(chain.parent[j])
-    return lever
 
 
 def enclosing_sphere(centres: FloatArray, radii: FloatArray, steps: int = 200) -> tuple[FloatArray, float]:
