@@ -33,6 +33,7 @@ from predplan.planning.tables import (
     write_rows,
 )
 from stages.common import SuiteStage, run_suite_stage
+from stages.planning.compared import plane_of
 
 EARLY = 5
 """The iteration that is compared besides the last: Figs. 4.6a and 4.9 stop there."""
@@ -112,7 +113,7 @@ def field_rows(problem: Problem, stage: SuiteStage) -> Rows:
     """The cost field of the first problem's scene, in the plane."""
     if stage.suite.kind not in IN_THE_PLANE:
         return []
-    lower, upper = (np.zeros(2), np.ones(2)) if stage.suite.kind == "maze" else (np.full(2, -1.3), np.full(2, 1.4))
+    lower, upper = plane_of(stage.suite.kind)
     field = cost_field(problem.scene, lower, upper, FIELD_COUNT, stage.suite.epsilon)
     xs, ys = (np.linspace(low, high, FIELD_COUNT).tolist() for low, high in zip(lower, upper, strict=True))
     return [{"x": x, "y": y, "cost": float(field[j, i])} for j, y in enumerate(ys) for i, x in enumerate(xs)]

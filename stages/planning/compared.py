@@ -8,6 +8,7 @@ import numpy as np
 
 from predplan.artifacts.recordings import JointStates
 from predplan.errors import InputError
+from predplan.planning.kinds import SuiteKind
 from predplan.planning.measures import GRID
 from predplan.planning.methods import Method, methods_of
 from predplan.planning.problems import Problem
@@ -33,6 +34,11 @@ def tuned_methods(stage: SuiteStage) -> list[Method]:
             raise InputError(f"{path}: no step of {source}; expected the steps of a suite with the same methods")
         tuned.append(replace(method, inverse_step=steps[source] / method.step_factor))
     return tuned
+
+
+def plane_of(kind: SuiteKind) -> tuple[FloatArray, FloatArray]:
+    """The lower left and upper right corner (m) of what is shown of a suite in the plane."""
+    return (np.zeros(2), np.ones(2)) if kind == "maze" else (np.full(2, -1.3), np.full(2, 1.4))
 
 
 def played(problem: Problem, q: FloatArray) -> JointStates:
