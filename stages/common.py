@@ -14,7 +14,7 @@ from pydantic import TypeAdapter
 
 from predplan.artifacts.provenance import Provenance, hash_file
 from predplan.errors import InputError, PredplanError
-from stages.settings import CorpusSettings, Settings, SuiteSettings, load_settings
+from stages.settings import CorpusSettings, Settings, SuiteSettings, TaskSettings, load_settings
 
 
 @dataclass(frozen=True)
@@ -72,6 +72,31 @@ class SuiteStage:
         )
 
 
+@dataclass(frozen=True)
+class TaskStage:
+    """One run of a stage of the control branch: the settings, the task's own, and where its artifacts lie."""
+
+    name: str
+    settings: Settings
+    task: TaskSettings
+
+    def path(self, artifact: str) -> Path:
+        """Where an artifact of this task lies."""
+        return Path(self.settings.out) / "control" / self.name / artifact
+
+    def result(self, name: str) -> Path:
+        """Where a result of this task lies, in the folder that holds all that the report tells."""
+        return Path(self.settings.out) / "results" / "control" / self.name / name
+
+    def provenance(self, *inputs: Path, **params: Any) -> Provenance:
+        """Provenance of an artifact made from `inputs` with the settings `params`."""
+        return Provenance(
+            params={"item": self.name, **{key: plain(value) for key, value in params.items()}},
+            seed=self.settings.control.seed,
+            upstream={path.name: hash_file(path) for path in inputs},
+        )
+
+
 def plain(value: Any) -> Any:
     """Settings as plain data, fit for JSON."""
     return TypeAdapter(type(value)).dump_python(value, mode="json")
@@ -124,4 +149,23 @@ def run_suite_stage(work: Callable[[SuiteStage], None]) -> None:
         work(SuiteStage(arguments.suite, settings, suites[arguments.suite]))
     except PredplanError as error:
         sys.stderr.write(f"stage {stage}@{arguments.suite} failed: {error}\n")
+        sys.exit(2 if isinstance(error, InputError) else 1)
+
+
+def run_task_stage(work: Callable[[TaskStage], None]) -> None:
+    """Entry point of a stage: `python -m stages.control.STAGE PARAMS TASK`; exit codes as the command line's."""
+    parser = argparse.ArgumentParser(description=sys.modules[work.__module__].__doc__)
+    parser.add_argument("params", type=Path, help="params.yaml, relative to the folder the stages run in")
+    parser.add_argument("task", help="name of a task under control.tasks")
+    arguments = parser.parse_args()
+    stage = Path(sys.argv[0]).stem
+    try:
+        settings = load_settings(arguments.params)
+        tasks: Mapping[str, TaskSettings] = settings.control.tasks
+        if arguments.task not in tasks:
+            known = ", ".join(tasks)
+            raise InputError(f"{arguments.params}: control.tasks has no {arguments.task!r}; expected {known}")
+        work(TaskStage(arguments.task, settings, tasks[arguments.task]))
+    except PredplanError as error:
+        sys.stderr.write(f"stage {stage}@{arguments.task} failed: {error}\n")
         sys.exit(2 if isinstance(error, InputError) else 1)

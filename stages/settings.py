@@ -145,6 +145,78 @@ class PlanningSettings(Component):
     """Descents whose time is measured."""
 
 
+class ConditionSettings(Component):
+    """How badly a task is observed."""
+
+    noise: Annotated[float, Field(ge=0)] = 0.0
+    """Standard deviation of the noise on each position, in units of its spread while exploring."""
+
+    drop: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    """Chance that an observation is lost."""
+
+
+class TaskSettings(Component):
+    """One task of the control branch, on which all methods are compared."""
+
+    task: str
+    """cartpole, swimmer, hopper, walker2d, or the id of another of Gymnasium's MuJoCo tasks."""
+
+    horizon: Annotated[int, Field(ge=1)] | None = None
+    """Steps until an episode is cut off; without it the task's own."""
+
+    steps: Annotated[int, Field(ge=1)]
+    """Environment steps of a run, exploration included."""
+
+    copies: Annotated[int, Field(ge=1)] = 16
+    """Copies of the environment in a run, side by side."""
+
+    length: Annotated[int, Field(ge=1)] = 64
+    """Steps of each copy in a batch."""
+
+    methods: Annotated[tuple[str, ...], Field(min_length=1)]
+    """Methods that run in every condition."""
+
+    ablations: tuple[str, ...] = ()
+    """Methods that run in the first condition only."""
+
+    conditions: Annotated[tuple[ConditionSettings, ...], Field(min_length=1)]
+    """Noise and losses."""
+
+    seeds: Annotated[int, Field(ge=1)]
+    """Runs of each method in each condition; more of them later leave those that are done as they are."""
+
+    explored: Annotated[int, Field(ge=2)] = 100
+    """Exploring trajectories that filters and other predictors are learned from."""
+
+    held_out: Annotated[int, Field(ge=1)] = 50
+    """Further ones, on which they are compared."""
+
+    explored_length: Annotated[int, Field(ge=1)] = 500
+    """Steps of a trajectory at most."""
+
+    least_length: Annotated[int, Field(ge=1)] = 12
+    """Steps of a trajectory at least."""
+
+    predictors: tuple[Literal["gru", "kernel", "refined", "corrected"], ...] = ("refined",)
+    """What is compared besides regressions and the filter learned by regression; corrected needs refined."""
+
+
+class ControlSettings(Component):
+    """The control branch."""
+
+    tasks: dict[ItemName, TaskSettings] = {}
+    """The tasks to run, by name."""
+
+    seed: int = 0
+    """Seed of the exploration on which predictors are compared, and of the recorded episodes."""
+
+    every: Annotated[int, Field(ge=1)] = 20
+    """Updates after which a run is put away, to go on from when it is interrupted."""
+
+    episodes: Annotated[int, Field(ge=1)] = 32
+    """Episodes that a learned policy is evaluated on."""
+
+
 class Settings(Component):
     """The whole of params.yaml."""
 
@@ -171,6 +243,9 @@ class Settings(Component):
 
     planning: PlanningSettings = PlanningSettings()
     """The planning branch."""
+
+    control: ControlSettings = ControlSettings()
+    """The control branch."""
 
 
 def load_settings(path: Path) -> Settings:

@@ -8,15 +8,18 @@ policy.json, ...         the policy (`policy_files`), unless learning diverged
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
 from predplan.artifacts.provenance import Provenance
+from predplan.control.methods import find_method
 from predplan.control.policy_files import save_policy
 from predplan.control.records import learning_rows, run_row
 from predplan.control.running import Order, Run, run
-from predplan.control.tables import FINISHED, LEARNING, RUNS, write_rows
+from predplan.control.tables import FINISHED, LEARNING, RUNS, Row, read_rows, write_rows
 from predplan.control.training import Progress
 from predplan.errors import InputError
 
@@ -43,3 +46,22 @@ def _params(order: Order) -> dict[str, object]:
     """Plain data; threads change nothing that is learned."""
     task = {name: value for name, value in asdict(order.task).items() if name != "threads"}
     return {"task": task, "method": order.method, "schedule": asdict(order.schedule)}
+
+
+def finished_rows(folder: Path, order: Order, every: int = 20) -> tuple[list[Row], Row]:
+    """Rows of the tables `learning` and `runs`: from the folder where the run is done, else after it was.
+
+    What only an interrupted run needs is then removed. A run that diverged is done as well.
+    """
+    if not (folder / ROW).exists():
+        run_into(folder, order, every)
+    (folder / CHECKPOINT).unlink(missing_ok=True)
+    (row,) = read_rows(folder / ROW, RUNS)
+    return list(read_rows(folder / CURVE, LEARNING)), row
+
+
+def run_name(order: Order) -> str:
+    """A folder's name for the run: another one wherever anything that was ordered is another."""
+    sheet = {**_params(order), "settings": asdict(find_method(order.method))}
+    digest = hashlib.sha256(json.dumps(sheet, sort_keys=True, allow_nan=False).encode()).hexdigest()
+    return f"{order.method}-noise{order.task.noise:g}-drop{order.task.drop:g}-seed{order.seed}-{digest[:8]}"

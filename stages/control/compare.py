@@ -1,0 +1,45 @@
+"""Compare the methods of a task: means, tests, and what the report draws."""
+
+from __future__ import annotations
+
+import shutil
+
+from predplan.artifacts.files import write_json, write_whole
+from predplan.control.comparing import compare_all, summarise
+from predplan.control.curves import learning_curves
+from predplan.control.tables import COMPARISONS, LEARNING, RUNS, SUMMARY, read_rows, write_rows
+from stages.common import TaskStage, run_task_stage
+
+TOLD = ("learning.parquet", "runs.parquet", "prediction.parquet")
+
+
+def main(stage: TaskStage) -> None:
+    runs = read_rows(stage.path("runs.parquet"), RUNS)
+    summary = summarise(runs)
+    provenance = stage.provenance(stage.path("runs.parquet"))
+    write_rows(stage.result("comparisons.parquet"), COMPARISONS, compare_all(runs), provenance)
+    write_rows(stage.result("summary.parquet"), SUMMARY, summary, provenance)
+    for name in TOLD:
+        with write_whole(stage.result(name)) as temporary:
+            shutil.copyfile(stage.path(name), temporary)
+    metrics = {
+        f"noise {row['noise']:g} drop {row['drop']:g}": {
+            each["method"]: {"mean_return": each["mean_return"], "final_return": each["final_return"]}
+            for each in summary
+            if (each["noise"], each["drop"]) == (row["noise"], row["drop"])
+        }
+        for row in summary
+    }
+    write_json(stage.result("metrics.json"), metrics)
+    lines = ["steps,return,method"]
+    for (_, noise, drop), methods in learning_curves(read_rows(stage.path("learning.parquet"), LEARNING)).items():
+        for method, curve in methods.items():
+            name = f"{method} noise {noise:g} drop {drop:g}"
+            pairs = zip(curve.steps.tolist(), curve.mean.tolist(), strict=True)
+            lines += [f"{steps:.0f},{value:.6g},{name}" for steps, value in pairs]
+    with write_whole(stage.result("curve.csv")) as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    run_task_stage(main)
