@@ -8,7 +8,14 @@ from functools import partial
 
 import numpy as np
 
-from predplan.control.autoregression import fit_autoregression, hold_last, predict_next, standardise, window_moments
+from predplan.control.autoregression import (
+    Autoregression,
+    fit_autoregression,
+    hold_last,
+    predict_next,
+    standardise,
+    window_moments,
+)
 from predplan.control.correction import CorrectionSettings, fit_correction
 from predplan.control.filtering import PredictiveModel
 from predplan.control.innovation import InnovationSettings, fit_innovation
@@ -83,7 +90,7 @@ def predictors(
     for order in settings.orders:
         if order < training.lengths.max():
             model = fit_autoregression(*window_moments(filled, order, standard), standard, settings.lam)
-            yield f"order {order}", partial(predict_next, model)
+            yield f"order {order}", _regression(model, order)
     if settings.recurrent:
         yield "gru", train_recurrent(training, settings.recurrent, recurrent).predict
     if settings.kernel:
@@ -104,6 +111,17 @@ def _last(training: Trajectories) -> Predict:
     def predict(held_out: Trajectories, ahead: int) -> FloatArray:
         held = np.roll(hold_last(held_out, shift), ahead, axis=0)
         return np.where((held_out.age >= ahead)[:, None], held, np.nan)
+
+    return predict
+
+
+def _regression(model: Autoregression, order: int) -> Predict:
+    """Nothing is predicted of trajectories that are all too short for it."""
+
+    def predict(held_out: Trajectories, ahead: int) -> FloatArray:
+        if held_out.lengths.max() < order + ahead:
+            return np.full_like(held_out.observation, np.nan)
+        return predict_next(model, held_out, ahead)
 
     return predict
 
