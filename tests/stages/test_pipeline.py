@@ -124,6 +124,7 @@ def make_project(folder: Path, **changed: Any) -> Path:
     labelling = params["labelling"]
     params.update(changed)
     params["planning"]["suites"] = {}  # its stages have tests of their own
+    params["control"]["tasks"] = {}
     labelling.update(corpora={"tiny": TINY}, composite_iterations=2, iterations=2, feature_iterations=2)
     training = labelling["training"]
     training["moments"].update(context_count=2, class_types=2, vectors=4)
