@@ -22,7 +22,7 @@ class RefinerSettings:
     width: float = 0.12  # over which corners are rounded, t in [0, 1]: about what a joint takes to turn around
     iterations: int = 8  # of the first drawing
     tries: int = 6  # for a slow path: proofs, each after the first with more room where the last one failed; else one
-    eased_iterations: int = 4  # of those
+    eased_iterations: int = 4  # of those, and of a path that is not slow
     margin: float = 0.01  # m: clearance at the times looked at
     ease: float = 0.004  # m: added to that, times the number of the try, about where a proof failed
     span: float = 2.5  # steps of time that are about there
@@ -31,7 +31,7 @@ class RefinerSettings:
     reach: float = 0.03  # m
     self_reach: float = 0.015
     blends: int = 3  # halvings of the way back to the old path, where no drawing is free
-    near: float = 1.05  # times as long as the line would take: a path that takes no more is left as it is
+    near: float = 1.1  # times as long as the line would take: a path that takes no more is left as it is
     slow: float = 1.15  # times as long: a path that takes more is worth more tries, and other starts
 
 
@@ -81,7 +81,9 @@ class Refiner:
     def _tightened(
         self, scene: Scene, path: Path, slow: bool, prove: Callable[[Path], Verdict], in_time: Callable[[], bool]
     ) -> Refined | None:
-        settings, loop, how, chain = self.settings, self._loop, self._how, self.robot.chain
+        settings, loop, chain = self.settings, self._loop, self.robot.chain
+        eased = self._how._replace(iterations=settings.eased_iterations)
+        how = self._how if slow else eased
         start, goal = path.coefficients[0, 0], path.coefficients[-1, -1]
         values = path(loop.times) - start - np.multiply.outer(loop.times, goal - start)
         element = Element(values, loop.inverse @ values)
@@ -98,7 +100,7 @@ class Refiner:
                 return Refined(tight, verdict, haste(self.robot, tight))
             about = np.abs(loop.times - verdict.s) * (settings.samples + 1) < settings.span
             margin[about] += max(verdict.depth, 0.0) + settings.ease * (trial + 1)
-            how = how._replace(iterations=settings.eased_iterations)
+            how = eased
         return self._between(path, tight, prove, in_time) if slow else None
 
     def _between(
