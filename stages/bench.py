@@ -32,6 +32,7 @@ from predplan.labelling.simplex import kkt_residuals, solve_active_set, solve_pi
 from predplan.labelling.tables import read_corpus
 from predplan.labelling.tagger import count_text
 from predplan.labelling.tagmaps import map_tags, own_tagmap
+from predplan.labelling.tokenising import tokenise_block
 from stages.common import mirror_folder
 
 STATES, WORDS = 12, 20_000
@@ -103,14 +104,15 @@ def quadratic_programs() -> dict[str, float]:
 
 
 def counting(raw: tuple[Path, ...], style: Style) -> dict[str, float]:
-    """Tokens a second from compressed files to bigram counts."""
+    """Tokens a second from compressed files to bigram counts, by threads of this process and by processes."""
+    tokenise_block(b"compiles once on a machine", style)
     figures = {}
     for workers in (1, 2):
-        start = time.perf_counter()
-        counts = count_text(RawText(raw, style), [], workers)
-        figures[f"counting, million tokens a second, {workers} workers"] = (
-            counts.count.sum() / (time.perf_counter() - start) / 1e6
-        )
+        start, busy = time.perf_counter(), time.process_time()
+        tokens = count_text(RawText(raw, style), [], workers).count.sum() / 1e6
+        if workers == 1:
+            figures["counting, million tokens a second of CPU"] = tokens / (time.process_time() - busy)
+        figures[f"counting, million tokens a second, {workers} workers"] = tokens / (time.perf_counter() - start)
     return figures
 
 

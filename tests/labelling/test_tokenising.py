@@ -4,13 +4,14 @@ import gzip
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from predplan.errors import InputError
-from predplan.labelling import tweets
-from predplan.labelling.chunks import split_chunks
+from predplan.labelling import chunks, tweets
+from predplan.labelling.chunks import Spans, split_chunks
 from predplan.labelling.languages import keep_language
 from predplan.labelling.readers import Style, read_labelled, read_raw
 from predplan.labelling.sentences import LabelledCorpus, TokenBatch
@@ -72,9 +73,18 @@ def test_a_block_is_its_lines_tokenised_one_by_one(lines: list[str], style: Styl
 
 
 @UNHURRIED
-@given(st.text(st.sampled_from("aDoOsV9#.,!:;'…"), min_size=1, max_size=8))
-def test_the_short_pattern_agrees_with_the_long_one(chunk: str) -> None:
-    assert tweets.tokenise_chunk(chunk) == tweets._tokenise_rare(chunk)
+@given(st.text(st.sampled_from("aDoOsV9#.,!:;'…é"), min_size=1, max_size=8))
+def test_a_plain_chunk_is_cut_where_the_rules_part_it(chunk: str) -> None:
+    spans = Spans.of([chunk])
+    (end,) = tweets.plain_ends(spans.text, spans.starts, spans.ends).tolist()
+    if end >= 0:
+        assert tweets.tokenise_chunk(chunk) == tuple(filter(None, (chunk[:end], chunk[end:])))
+
+
+@pytest.mark.parametrize("chunk", ["word", "a", "1st", "#tag", "#1", "word!?..", "word,", "word:", "#OO;", "#1,"])
+def test_common_chunks_are_plain(chunk: str) -> None:
+    spans = Spans.of([chunk])
+    assert tweets.plain_ends(spans.text, spans.starts, spans.ends).tolist() == [len(chunk.rstrip(".,!?:;"))]
 
 
 @UNHURRIED
@@ -98,11 +108,32 @@ def test_malformed_lines_are_dropped_and_counted(lines: list[tuple[str, str]], s
     assert sentences(batch) == [tokens for tokens in kept if tokens]
 
 
+@UNHURRIED
+@given(st.lists(st.text(st.sampled_from("ab\n é😘"), max_size=12)), st.data())
+def test_spans_are_found_by_their_bytes(words: list[str], data: st.DataObject) -> None:
+    spans = Spans.of(words)
+    assert (len(spans), spans.decode()) == (len(words), words)
+    distinct, ids = spans.distinct()
+    assert distinct.decode() == list(dict.fromkeys(words))
+    assert [distinct.decode()[i] for i in ids] == words
+    assert (spans + distinct).decode() == words + distinct.decode()
+    some = np.array(data.draw(st.permutations(range(len(words)))), np.int64)
+    assert spans[some].decode() == [words[i] for i in some]
+
+
+def test_equal_keys_do_not_make_long_spans_equal(monkeypatch: pytest.MonkeyPatch) -> None:
+    words = ["long enough 1", "long enough 2", "long enough 1", "longer than enough"]
+    monkeypatch.setattr(chunks, "_keys", lambda text, starts, ends: np.full(len(starts), 1 << 63, np.uint64))
+    distinct, ids = Spans.of(words).distinct()
+    assert (distinct.decode(), ids.tolist()) == ([words[0], words[1], words[3]], [0, 1, 0, 2])
+
+
 def test_many_distinct_chunks_survive_the_growth_of_their_table() -> None:
     words = [f"w{i % 70_000}" for i in range(100_000)]
     text = split_chunks(" ".join(words).encode())
-    assert [text.distinct[i] for i in text.ids] == words
-    assert text.distinct == words[:70_000]
+    distinct = text.distinct.decode()
+    assert [distinct[i] for i in text.ids] == words
+    assert distinct == words[:70_000]
 
 
 def test_blocks_end_with_lines_and_lose_nothing(tmp_path: Path) -> None:
@@ -129,6 +160,12 @@ def test_raw_text_that_is_cut_short_is_said_to_be(tmp_path: Path) -> None:
     (tmp_path / "raw.gz").write_bytes(gzip.compress(os.urandom(5000))[:-100])
     with pytest.raises(InputError, match=r"raw.gz: cannot be read .*cut short"):
         list(read_blocks(read_raw(tmp_path / "raw.gz")))
+
+
+def test_entities_escaped_twice_may_leave_white_space_in_a_token() -> None:
+    chunk = "a&amp;#32;b&amp;#10;"
+    batch, _ = tokenise_block(f"{chunk} {chunk}".encode(), "tweets")
+    assert sentences(batch) == [list(tweets.tokenise_chunk(chunk)) * 2]
 
 
 def test_a_byte_order_mark_is_no_token() -> None:

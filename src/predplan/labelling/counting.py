@@ -58,10 +58,7 @@ class WordIndex:
 
 def count_pairs(ids: NDArray[np.int32], offsets: NDArray[np.int64]) -> pa.Table:
     """Neighbouring pairs of a batch with their counts, sentence edges as EDGE: columns previous, next, n."""
-    lengths = np.diff(offsets)
-    offsets = np.concatenate([[0], np.cumsum(lengths[lengths > 0])])
-    padded = np.full(len(ids) + len(offsets), EDGE, np.int64)
-    padded[np.arange(len(ids)) + np.repeat(np.arange(1, len(offsets)), np.diff(offsets))] = ids
+    padded = np.insert(ids.astype(np.int64), np.unique(offsets), EDGE)
     base = int(ids.max(initial=0)) + 2
     keys, counts = np.unique((padded[:-1] + 1) * base + padded[1:] + 1, return_counts=True)
     return pa.table(
@@ -79,7 +76,7 @@ def write_part(path: Path, ids: NDArray[np.int32], offsets: NDArray[np.int64]) -
         return
     pairs = count_pairs(ids, offsets)
     with write_whole(path) as temporary:
-        pq.write_table(pairs, temporary)
+        pq.write_table(pairs, temporary, compression="lz4", use_dictionary=False)
 
 
 def merge_parts(parts: Sequence[Path], words: Sequence[str]) -> BigramCounts:
@@ -108,7 +105,7 @@ def _by_falling_count(
     rank[EDGE] = size
     bigrams = sparse.csr_array((n, (rank[previous], rank[following])), shape=(size + 1, size + 1))
     bigrams.sort_indices()
-    return BigramCounts(tuple(words[i] for i in order), count[order], bigrams)
+    return BigramCounts(tuple([words[i] for i in order.tolist()]), count[order], bigrams)
 
 
 def count_sentences(batches: Iterable[TokenBatch], folder: Path) -> BigramCounts:

@@ -11,7 +11,7 @@ import numpy as np
 
 from predplan.errors import InputError
 from predplan.labelling import tweets
-from predplan.labelling.chunks import NEWLINE, ChunkedText, split_chunks
+from predplan.labelling.chunks import NEWLINE, Bytes, ChunkedText, Places, Spans, ascii_ends, replace, split_chunks
 from predplan.labelling.readers import RawText, Style, open_bytes
 from predplan.labelling.sentences import LabelledCorpus, TokenBatch
 
@@ -97,7 +97,7 @@ def tokenise_chunks(split: tuple[ChunkedText, LineReport], style: Style) -> tupl
     A line without tokens is no sentence. The vocabulary is in order of first appearance.
     """
     text, report = split
-    batch = _expand(text, _TOKENISERS[style])
+    batch = _expand(text, style)
     return batch, report + LineReport(tokens=len(batch.ids))
 
 
@@ -114,22 +114,35 @@ def normalise(corpus: LabelledCorpus, style: Style) -> LabelledCorpus:
 
 
 _TOKENISERS: dict[Style, Callable[[str], Sequence[str]]] = {"spaces": str.split, "tweets": tweets.tokenise_chunk}
+_PLAIN_ENDS: dict[Style, Callable[[Bytes, Places, Places], Places]] = {
+    "spaces": ascii_ends,
+    "tweets": tweets.plain_ends,
+}
 
 
-def _expand(text: ChunkedText, tokenise_chunk: Callable[[str], Sequence[str]]) -> TokenBatch:
-    """Replaces each chunk by the ids of its tokens, and counts line ends in tokens."""
-    found = list(map(tokenise_chunk, text.distinct))
-    tokens = list(chain.from_iterable(found))
-    vocabulary = {token: number for number, token in enumerate(dict.fromkeys(tokens))}
-    size = np.fromiter(map(len, found), np.int64, len(found))
-    first = np.cumsum(size) - size
-    sizes = size[text.ids]
+def _expand(text: ChunkedText, style: Style) -> TokenBatch:
+    """Replaces each chunk by the ids of its tokens, and counts line ends in tokens.
+
+    A plain chunk is a word and what may follow it; only the other chunks are tokenised one by one.
+    """
+    chunks = text.distinct
+    cuts = _PLAIN_ENDS[style](chunks.text, chunks.starts, chunks.ends)
+    plain, followed = cuts >= 0, (cuts >= 0) & (cuts < chunks.ends)
+    others = list(map(_TOKENISERS[style], chunks[~plain].decode()))
+    sizes = 1 + followed.astype(np.int64)
+    sizes[~plain] = np.fromiter(map(len, others), np.int64, len(others))
     ends = np.cumsum(sizes)
-    places = np.arange(sizes.sum()) + np.repeat(first[text.ids] - (ends - sizes), sizes)
-    line_ends = np.concatenate(([0], ends))[text.line_ends]
+    kinds = np.repeat(np.where(plain, 0, 2).astype(np.int8), sizes)
+    kinds[ends[followed] - 1] = 1
+    words = Spans(chunks.text, chunks.starts[plain], cuts[plain])
+    rests = Spans(chunks.text, cuts[followed], chunks.ends[followed])
+    tokens = words + rests + Spans.of(list(chain.from_iterable(others)))
+    in_order = np.empty(len(tokens), np.int64)
+    in_order[np.argsort(kinds, kind="stable")] = np.arange(len(tokens))
+    vocabulary, numbers = tokens[in_order].distinct()
+    ids, line_ends = replace(text.ids, text.line_ends, numbers, ends)
     offsets = np.concatenate(([0], line_ends[np.diff(line_ends, prepend=0) > 0]))
-    ids = np.fromiter(map(vocabulary.__getitem__, tokens), np.int32, len(tokens))
-    return TokenBatch(tuple(vocabulary), ids[places], offsets)
+    return TokenBatch(tuple(vocabulary.decode()), ids, offsets)
 
 
 def _longest_line(block: bytes) -> int:

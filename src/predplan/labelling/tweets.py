@@ -9,7 +9,11 @@ from __future__ import annotations
 
 import html
 import re
-from functools import lru_cache
+import string
+
+import numpy as np
+
+from predplan.labelling.chunks import Bytes, Places, compiled
 
 MENTION, URL, EMAIL = "@USER", "http://url", "email@example.com"
 
@@ -51,9 +55,14 @@ _WHOLE = re.compile(
     f"(?![a-zA-Z0-9])(?:{_HEART}|{_EMAIL}|{_NUMBER}|{_EMOTICON}|{_ARROW}|{_PUNCTUATION}|{_INITIALS}|{_DASH}|{_SYMBOL}|"
     f"{_WITHIN}|{_NAME}))"
 )
-# Most chunks are a word, a hashtag, or a word before punctuation. For these the short pattern gives what the long one
-# gives, ten times as fast; titles (Mrs.) have fewer than four letters, and OO: is a face.
-_PLAIN = re.compile(r"(#[A-Za-z0-9]+|(?![DoOvVsS]+[:;])[A-Za-z]{4,})([.!?,…]+|[:;])|#?[A-Za-z0-9]+")
+# Kinds of bytes in plain chunks.
+_EYE, _LETTER, _DIGIT, _PAUSE, _COLON, _OTHER = range(6)
+_KINDS = np.full(256, _OTHER)
+for _kind, _characters in (
+    (_LETTER, string.ascii_letters), (_EYE, "DoOvVsS"), (_DIGIT, string.digits), (_PAUSE, ".!?,"), (_COLON, ":;"),
+):  # fmt: skip
+    _KINDS[list(_characters.encode())] = _kind
+_HASH = ord("#")
 
 _FORMS = re.compile(
     rf"(?P<mention>[@＠][a-zA-Z0-9_]+)|(?P<email>{_EMAIL})|"
@@ -64,13 +73,38 @@ _FORMS = re.compile(
 
 def tokenise_chunk(chunk: str) -> tuple[str, ...]:
     """The normalised tokens of one run of characters; white space within it (an odd Unicode one) parts tokens too."""
-    if chunk.isascii() and chunk.isalnum():
-        return (chunk,)
-    plain = _PLAIN.fullmatch(chunk)
-    if plain:
-        word, punctuation = plain.groups()
-        return (word, punctuation) if punctuation else (chunk,)
-    return _tokenise_rare(chunk)
+    if "&" in chunk:
+        chunk = html.unescape(chunk)
+    parted = " ".join(_EDGES.sub(_part_edge, run) for run in chunk.split())
+    return tuple(normalise(token) for piece in parted.split() for token in _WHOLE.split(piece) if token)
+
+
+@compiled
+def plain_ends(text: Bytes, starts: Places, ends: Places) -> Places:
+    """Where the word of each plain chunk text[starts[i]:ends[i]] ends; -1 for other chunks.
+
+    Plain are a word and a hashtag of ASCII letters and digits, alone or before punctuation: then `tokenise_chunk` gives
+    the word and the punctuation. Titles (Mrs.) have fewer than four letters, and OO: is a face.
+    """
+    found = np.full(starts.size, -1, np.int32)
+    for i in range(starts.size):
+        hashtag = text[starts[i]] == _HASH
+        first = starts[i] + hashtag
+        end, widest = first, 0
+        while end < ends[i] and _KINDS[text[end]] <= _DIGIT:
+            widest = max(widest, _KINDS[text[end]])
+            end += 1
+        after = end
+        while after < ends[i] and _KINDS[text[after]] == _PAUSE:
+            after += 1
+        face = False
+        if after == end and after + 1 == ends[i] and _KINDS[text[after]] == _COLON:
+            after += 1
+            face = widest == _EYE
+        ends_well = after == end or (hashtag and end > first) or (end - first >= 4 and widest <= _LETTER and not face)
+        if end > first and after == ends[i] and ends_well:
+            found[i] = end
+    return found
 
 
 def normalise(word: str) -> str:
@@ -89,14 +123,6 @@ def normalise(word: str) -> str:
     if form["eyes"]:
         return form["eyes"].replace("=", ":") + form["mouth"]
     return MENTION if form["mention"] else EMAIL if form["email"] else URL
-
-
-@lru_cache(maxsize=1 << 18)
-def _tokenise_rare(chunk: str) -> tuple[str, ...]:
-    if "&" in chunk:
-        chunk = html.unescape(chunk)
-    parted = " ".join(_EDGES.sub(_part_edge, run) for run in chunk.split())
-    return tuple(normalise(token) for piece in parted.split() for token in _WHOLE.split(piece) if token)
 
 
 def _part_edge(edge: re.Match[str]) -> str:
