@@ -18,7 +18,7 @@ from cyclopts import App, Parameter
 from predplan.errors import InputError, PredplanError
 
 if TYPE_CHECKING:
-    from predplan.control.policies import Learned
+    from predplan.control.learned import Learned
     from predplan.control.rollouts import Evaluation
     from predplan.control.training import Progress
 
@@ -109,8 +109,9 @@ def evaluate(
     if save is not None and save.is_dir():
         raise InputError(f"{save} is a folder; expected a file to write")
     learned = load_policy(folder)
-    changed = {name: value for name, value in (("noise", noise), ("drop", drop)) if value is not None}
-    task, copies = replace(learned.task, **changed), min(episodes, COPIES)
+    noise = learned.task.noise if noise is None else noise
+    drop = learned.task.drop if drop is None else drop
+    task, copies = replace(learned.task, noise=noise, drop=drop), min(episodes, COPIES)
     with Environments(task, copies, np.random.default_rng(seed)) as environments:
         _check_sizes(folder, learned, environments.observation_size, environments.action_size)
         found = rollouts.evaluate(environments, PolicyActor(learned, copies), episodes)

@@ -10,7 +10,7 @@ import pytest
 
 from predplan.artifacts.mcap import read_steps
 from predplan.control.run_files import CHECKPOINT, run_name
-from predplan.control.running import run
+from predplan.control.running import Order, Run, run
 from predplan.control.tables import COMPARISONS, LEARNING, PREDICTION, RUNS, SUMMARY, read_rows, write_rows
 from predplan.errors import InputError
 from stages.common import TaskStage
@@ -100,9 +100,12 @@ def test_an_interrupted_stage_goes_on(made: TaskStage, tmp_path: Path) -> None:
 def test_seeds_that_are_added_leave_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     train.main(make_stage(tmp_path, seeds=1, methods="fm2"))
     made: list[int] = []
-    monkeypatch.setattr(
-        "predplan.control.run_files.run", lambda order, *rest: (made.append(order.seed), run(order, *rest))[1]
-    )
+
+    def noted(order: Order, *rest: Any) -> Run:
+        made.append(order.seed)
+        return run(order, *rest)
+
+    monkeypatch.setattr("predplan.control.run_files.run", noted)
     stage = make_stage(tmp_path, seeds=2, methods="fm2")
     train.main(stage)
     assert made == [1]
