@@ -34,7 +34,7 @@ def cost_plot(costs: pa.Table, colours: Mapping[str, str]) -> bytes:
                     iteration[rows], values[rows], color=colours.get(name, FAINT), linewidth=2, label=name, marker="o",
                     markersize=3.5,
                 )  # fmt: skip
-            positive = values[values > 0]
+            positive = values[values > 1e-9 * values.max(initial=0.0)]  # rounding is no cost
             if len(positive) and positive.max() > 30 * positive.min():
                 # Zero is what a descent aims at: it must stay on the axis.
                 axis.set_yscale("symlog", linthresh=float(positive.min()))
