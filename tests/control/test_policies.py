@@ -12,8 +12,9 @@ from predplan.artifacts.tensors import read_tensors, write_tensors
 from predplan.control import policy_files
 from predplan.control.advantages import whitened
 from predplan.control.environments import Environments, EnvironmentSettings
+from predplan.control.learned import Learned
 from predplan.control.methods import METHODS
-from predplan.control.policies import Learned, Policy, PolicyActor
+from predplan.control.policies import Policy, PolicyActor
 from predplan.control.policy_files import load_policy, save_policy
 from predplan.control.running import Order, run
 from predplan.control.training import Schedule

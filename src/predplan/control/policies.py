@@ -2,41 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from predplan.control.environments import EnvironmentSettings
-from predplan.control.linear_filter import LinearFilter
-from predplan.control.memories import Memory, Predictive, Window
-from predplan.control.methods import Method
-from predplan.control.networks import ActorCritic
+from predplan.control.learned import Learned
+from predplan.control.memories import Predictive
+from predplan.control.policy_files import load_policy
 from predplan.control.tasks import FloatArray, IntArray
-from predplan.control.whitening import Whitening
 from predplan.errors import InputError
-
-
-@dataclass(frozen=True)
-class Learned:
-    """All that acting needs."""
-
-    task: EnvironmentSettings  # that it was learned in
-    name: str  # of the method
-    method: Method
-    observations: int  # O
-    actions: int  # A
-    network: ActorCritic
-    whitening: Whitening
-    model: LinearFilter | None = None
-
-    def memory(self, copies: int) -> Memory:
-        """Of that many copies."""
-        window = Window(copies, max(self.method.window, 1), np.zeros(self.observations), self.actions)
-        if self.model is None:
-            return window
-        return Predictive(copies, self.model, self.actions, window if self.method.window else None)
 
 
 class PolicyActor:
@@ -99,8 +74,6 @@ class Policy:
     @classmethod
     def load(cls, folder: str | Path) -> Policy:
         """The policy in a folder of `predplan control train`. Raises InputError where it is not whole."""
-        from predplan.control.policy_files import load_policy
-
         return cls(load_policy(Path(folder)))
 
     def reset(self) -> None:

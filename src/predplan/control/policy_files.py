@@ -18,12 +18,12 @@ import torch
 from predplan.artifacts.files import read_json, write_json
 from predplan.artifacts.tensors import read_tensors, write_tensors
 from predplan.control.environments import EnvironmentSettings
+from predplan.control.learned import Learned
 from predplan.control.linear_filter import LinearFilter
 from predplan.control.memories import Arrays, under
 from predplan.control.methods import find_method
 from predplan.control.models import load_model, save_model
 from predplan.control.networks import ActorCritic
-from predplan.control.policies import Learned
 from predplan.control.whitening import Whitening
 from predplan.errors import InputError
 

@@ -11,9 +11,9 @@ import torch
 
 from predplan.artifacts.tensors import read_tensors, write_tensors
 from predplan.control.environments import EnvironmentSettings
+from predplan.control.learned import Learned
 from predplan.control.memories import under
 from predplan.control.methods import find_method
-from predplan.control.policies import Learned
 from predplan.control.training import Diverged, Progress, Schedule, Training
 from predplan.errors import InputError
 
