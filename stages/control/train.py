@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import shutil
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,11 @@ POLICY = ("filter.json", "filter.safetensors", "network.safetensors", "policy.js
 
 
 def main(stage: TaskStage) -> None:
-    ordered = orders(stage)
+    collect(stage, orders(stage))
+
+
+def collect(stage: TaskStage, ordered: Sequence[Order]) -> None:
+    """Tables of these runs, after those that are not done were made; policies of the first seed."""
     work = partial(learn, folder=stage.path("runs"), every=stage.settings.control.every)
     found = run(work, ordered, workers=stage.settings.workers, scheduler=stage.settings.scheduler)
     learning: list[Mapping[str, Any]] = []
