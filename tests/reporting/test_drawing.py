@@ -4,6 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from predplan.control.methods import METHODS as CONTROL_METHODS
 from predplan.labelling.methods import METHODS
 from predplan.palette import METHOD_COLOURS
 from predplan.planning.kinds import KINDS
@@ -64,4 +65,4 @@ def test_crowded_places_share_the_move() -> None:
 
 def test_every_method_has_a_colour() -> None:
     planning = {method.name for kind in KINDS for method in methods_of(kind)}
-    assert METHOD_COLOURS.keys() == METHODS.keys() | planning
+    assert METHOD_COLOURS.keys() >= METHODS.keys() | planning | CONTROL_METHODS.keys()
