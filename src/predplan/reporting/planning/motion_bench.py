@@ -31,9 +31,7 @@ COLOURS = {
 HOW = (
     "MotionBenchMaker’s problems for the Franka Panda (Chamzas et al. 2022), as published with VAMP: a body of 59 "
     "spheres; cylinders are taken as capsules, in the set “box” as boxes. All planners run one after the other on one "
-    "core, warm; one that was measured again, as ours was here after a change to it, has rows of another sitting, so "
-    "that where the machine has other work, processor times compare and wall times do not; reading the scene and "
-    "bringing it into a planner’s form are told apart. Whatever a planner returns "
+    "core, warm; reading the scene and bringing it into a planner’s form are told apart. Whatever a planner returns "
     "becomes a path of ours, polyline or spline, and is judged alike: the certificate proves the whole path, between "
     "all samples. Velocity and acceleration costs are over the path’s own parameter, for polylines at constant speed; "
     "durations are from rest to rest within the arm’s velocity limits and 10 rad/s², and a polyline stops at its "
