@@ -40,6 +40,7 @@ bench: $(READY) ## speed, measured on this machine; LARGE=--large adds 100 milli
 	$(BIN)/python -m stages.bench $(LARGE)
 	$(BIN)/uv pip install --quiet --require-hashes -r requirements-peers.lock
 	$(BIN)/python -m stages.planning.motion_bench params.yaml --peers
+	$(BIN)/python -m stages.control.speeds params.yaml --peer
 
 lock: $(READY) ## pin every dependency anew, by hash
 	$(BIN)/uv pip compile --quiet --upgrade --universal --generate-hashes --python-version 3.11 --no-header $(EXTRAS) \

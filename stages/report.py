@@ -12,6 +12,7 @@ from typing import Any
 
 from predplan.artifacts.files import read_json, write_whole
 from predplan.artifacts.tables import TableSchema, read_table
+from predplan.control.benchmark_tables import PEERS, SPEEDS
 from predplan.control.tables import COMPARISONS as RUN_TESTS
 from predplan.control.tables import LEARNING, PREDICTION, RUNS
 from predplan.errors import InputError, PredplanError
@@ -24,7 +25,8 @@ from predplan.planning.tables import CURVES as COST_CURVES
 from predplan.planning.tables import EXAMPLE, FIELD, OUTCOMES, STEPS, TIMES
 from predplan.reporting.control.results import ControlResults
 from predplan.reporting.control.section import control_section
-from predplan.reporting.document import Section
+from predplan.reporting.control.speeds import peers_table, speeds_table
+from predplan.reporting.document import Section, Table
 from predplan.reporting.labelling.results import CorpusResults
 from predplan.reporting.labelling.section import labelling_section
 from predplan.reporting.markdown import all_figures, to_markdown
@@ -49,7 +51,8 @@ def main(params: Path, out: Path) -> None:
         raise InputError(f"{params}: labelling.corpora is empty; expected one corpus at least")
     planning = planning_section(read_suites(settings), read_benchmark(settings))
     control = read_control(settings)
-    systems = [labelling_section(corpora), planning, *([control_section(control)] if control else [])]
+    own = [control_section(control, read_speeds(settings))] if control else []
+    systems = [labelling_section(corpora), planning, *own]
     write_report(out, systems)
 
 
@@ -132,6 +135,13 @@ def read_control(settings: Settings) -> ControlResults | None:
         )
     }
     return ControlResults(**tables)
+
+
+def read_speeds(settings: Settings) -> list[Table]:
+    """Control's speeds, where they were measured (make bench)."""
+    folder = Path(settings.out) / "results" / "control"
+    found = ((folder / "speeds.parquet", SPEEDS, speeds_table), (folder / "peers.parquet", PEERS, peers_table))
+    return [table(_rows(path, schema)) for path, schema, table in found if path.exists()]
 
 
 def write_report(out: Path, systems: Sequence[Section]) -> None:

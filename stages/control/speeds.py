@@ -1,91 +1,102 @@
-"""Speeds of control on this machine: sampling over stepping MuJoCo alone, and a whole training over a peer's.
+"""Speeds of control on this machine: sampling over stepping MuJoCo alone, and whole trainings beside a peer's.
 
-    python -m stages.control.speeds [--peer] [--peer-steps 40000]
+    python -m stages.control.speeds params.yaml [--peer] [--peer-steps 40000] [--peer-seeds 3] [--again]
 
-With --peer sb3-contrib's RecurrentPPO learns the same tasks, its defaults and ours at equal steps.
+With --peer sb3-contrib's RecurrentPPO, with its defaults, and our rpsp learn the same tasks for equal steps. Tables go
+to OUT/results/control/speeds.parquet and peers.parquet; the report shows them. Runs with the peer take minutes each:
+those that are in the table are not repeated, unless --again is given.
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
-import numpy as np
 from rich.console import Console
-from rich.table import Table
+from rich.progress import track
 
-from predplan.control.benchmarks import Rates, rates
+from predplan.artifacts.provenance import Provenance
+from predplan.control.benchmark_tables import PEERS, SPEEDS
+from predplan.control.benchmarks import rates
+from predplan.control.comparing import final_mean, mean_over_training
 from predplan.control.environments import EnvironmentSettings
-from predplan.control.recurrent_ppo import PeerRun, train_peer
-from predplan.control.running import Order, Run, run
+from predplan.control.records import run_row
+from predplan.control.recurrent_ppo import train_peer
+from predplan.control.running import Order, run
+from predplan.control.tables import read_rows, write_rows
 from predplan.control.tasks import TASKS
 from predplan.control.training import Schedule
+from predplan.errors import InputError, PredplanError
+from predplan.reporting.control.speeds import PEER, peers_table, speeds_table
+from predplan.reporting.document import Section
+from predplan.reporting.markdown import to_markdown
+from stages.settings import load_settings
 
+METHOD = "rpsp"
 SCHEDULE = Schedule(steps=20_000, copies=64, length=64)
 """Many copies: a step's own cost in Python is theirs together."""
-LEARNING = Schedule(steps=20_000, copies=16, length=64)
 PEER_TASKS = ("cartpole", "hopper")
+COPIES, LENGTH = 16, 64
 
 
-def main(peer: bool, peer_steps: int) -> None:
-    console = Console()
-    table = Table("task", "threads", title="steps a second, policy on predictive states, noise 0")
-    for column in ("MuJoCo alone", "sampling", "share", "training, steps a CPU s"):
-        table.add_column(column, justify="right")
-    for task in TASKS:
-        for threads in (1, 2):
-            found = rates(EnvironmentSettings(task, threads=threads), "rpsp", SCHEDULE)
-            table.add_row(task, str(threads), *_shown(found))
-    console.print(table)
-    if peer:
-        console.print(_against_peer(peer_steps))
-
-
-def _shown(found: Rates) -> list[str]:
-    share = found.sampling.wall / found.raw.wall
-    return [f"{found.raw.wall:,.0f}", f"{found.sampling.wall:,.0f}", f"{share:.0%}", f"{found.training.cpu:,.0f}"]
-
-
-def _against_peer(steps: int) -> Table:
-    table = Table("task", title=f"RecurrentPPO with its defaults, and rpsp, both {steps:,} steps, seed 0")
-    columns = (
-        "peer, steps a CPU s",
-        "rpsp, steps a CPU s",
-        "times",
-        "peer's mean return",
-        "rpsp's",
-        "peer's last",
-        "rpsp's",
+def main(params: Path, peer: bool, steps: int, seeds: int, again: bool) -> None:
+    """Measure, write and print."""
+    folder = Path(load_settings(params).out) / "results" / "control"
+    found = [
+        speed(task, threads)
+        for task in track(tuple(TASKS), "sampling", console=Console(stderr=True))
+        for threads in (1, 2)
+    ]
+    write_rows(
+        folder / "speeds.parquet", SPEEDS, found, Provenance({"steps": SCHEDULE.steps, "copies": SCHEDULE.copies})
     )
-    for column in columns:
-        table.add_column(column, justify="right")
-    for task in PEER_TASKS:
+    tables = [speeds_table(found)]
+    if peer:
+        tables.append(peers_table(beside_peer(folder / "peers.parquet", steps, seeds, again)))
+    Console().print(to_markdown(Section("Speed", tuple(tables)), "."), markup=False, highlight=False, soft_wrap=True)
+
+
+def speed(task: str, threads: int) -> Mapping[str, Any]:
+    """A row of the table of speeds."""
+    found = rates(EnvironmentSettings(task, threads=threads), METHOD, SCHEDULE)
+    rate = {"raw": found.raw.wall, "sampling": found.sampling.wall, "training": found.training.cpu}
+    return {"task": task, "threads": threads, **rate}
+
+
+def beside_peer(path: Path, steps: int, seeds: int, again: bool) -> Sequence[Mapping[str, Any]]:
+    """The rows of the table of peers, written after each pair of runs; those that are there are kept."""
+    provenance = Provenance({"steps": steps, "copies": COPIES, "length": LENGTH})
+    rows = [] if again or not path.exists() else [row for row in read_rows(path, PEERS) if row["steps"] == steps]
+    known = {(row["task"], row["seed"]) for row in rows}
+    wanted = [(task, seed) for seed in range(seeds) for task in PEER_TASKS if (task, seed) not in known]
+    for task, seed in track(wanted, f"{PEER} and {METHOD}", console=Console(stderr=True)):
         settings = EnvironmentSettings(task, threads=1)
-        other = train_peer(settings, steps, 0)
-        own = run(Order(settings, "rpsp", Schedule(steps, LEARNING.copies, LEARNING.length), 0))
-        speed, own_speed = steps / other.cpu_s, own.progress[-1].steps / own.progress[-1].cpu_s
-        means, lasts = zip(_means(other, steps), _own_means(own, steps), strict=True)
-        figures = [f"{one:.1f}" for one in (*means, *lasts)]
-        table.add_row(task, f"{speed:,.0f}", f"{own_speed:,.0f}", f"{own_speed / speed:.0f}", *figures)
-    return table
-
-
-def _means(peer: PeerRun, steps: int) -> tuple[float, float]:
-    """Mean return over training, and over the last tenth of the steps, of episodes by when they ended."""
-    grid = np.linspace(0.0, steps, 1001)
-    curve = np.interp(grid, peer.steps, peer.returns)
-    return float(curve.mean()), float(curve[grid >= 0.9 * steps].mean())
-
-
-def _own_means(own: Run, steps: int) -> tuple[float, float]:
-    known = [one for one in own.progress if np.isfinite(one.return_mean)]
-    grid = np.linspace(0.0, steps, 1001)
-    curve = np.interp(grid, [one.steps for one in known], [one.return_mean for one in known])
-    return float(curve.mean()), float(curve[grid >= 0.9 * steps].mean())
+        other = train_peer(settings, steps, seed)
+        means = {
+            "mean_return": mean_over_training(other.steps, other.returns, steps),
+            "final_return": final_mean(other.steps, other.returns),
+        }
+        own = run_row(run(Order(settings, METHOD, Schedule(steps, COPIES, LENGTH), seed)))
+        named = {"task": task, "seed": seed, "steps": steps}
+        rows.append({**named, "learner": PEER, **means, "cpu_s": other.cpu_s})
+        rows.append({**own, **named, "learner": METHOD})
+        write_rows(path, PEERS, rows, provenance)
+    return rows
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("params", type=Path, help="params.yaml, relative to the folder the stages run in")
     parser.add_argument("--peer", action="store_true", help="train sb3-contrib's RecurrentPPO too (extra sb3)")
     parser.add_argument("--peer-steps", type=int, default=40_000, help="steps that both learn for")
-    arguments = parser.parse_args()
-    main(arguments.peer, arguments.peer_steps)
+    parser.add_argument("--peer-seeds", type=int, default=3, help="runs of each a task")
+    parser.add_argument("--again", action="store_true", help="make the runs with the peer anew")
+    given = parser.parse_args()
+    try:
+        main(given.params, given.peer, given.peer_steps, given.peer_seeds, given.again)
+    except PredplanError as error:
+        sys.stderr.write(f"stage speeds failed: {error}\n")
+        sys.exit(2 if isinstance(error, InputError) else 1)

@@ -14,12 +14,14 @@ from predplan.reporting.control import claims, tables
 from predplan.reporting.control.labels import groups, predictor_label
 from predplan.reporting.control.results import ControlResults
 from predplan.reporting.control.section import control_section
+from predplan.reporting.control.speeds import PEER, peers_table, speeds_table
 from predplan.reporting.document import Cell
 from predplan.reporting.markdown import all_figures, to_markdown
 from predplan.reporting.page import to_page
 
 LEVELS = {"rpsp": 100.0, "fm2": 60.0, "fm10": 99.0, "gru": 80.0, "rpsp-frozen": 40.0, "rpsp-obs": 140.0, "new": 70.0}
 CONDITIONS = (("cartpole", 0.0, 0.0), ("cartpole", 0.2, 0.0), ("hopper", 0.0, 0.0), ("hopper", 0.0, 0.3))
+SPEED = {"task": "hopper", "threads": 2, "raw": 20_000.0, "sampling": 15_000.0, "training": 4000.0}
 
 
 def made_results(
@@ -162,7 +164,7 @@ def test_groups_hold_every_method() -> None:
 
 @pytest.mark.parametrize("seeds", [1, 5])
 def test_the_whole_section(seeds: int) -> None:
-    section = control_section(made_results(seeds), [("Sampling over raw stepping", "0.7")])
+    section = control_section(made_results(seeds), [speeds_table([SPEED])])
     text = to_markdown(section, "control")
     figures = [figure.name for figure in all_figures(section)]
     assert len(set(figures)) == len(figures)
@@ -170,7 +172,7 @@ def test_the_whole_section(seeds: int) -> None:
     assert {"learning", "learning-cartpole", "learning-hopper", "noise", "dropped", "prediction", "others"} <= set(
         figures
     )
-    assert "**Sampling over raw stepping:** 0.7." in text
+    assert "| Hopper | 2 | 20,000 | 15,000 | 75% | 4,000 |" in text
     assert "nan" not in text
     assert "None" not in text
     assert to_page("t", "s", [section]).count("<svg ") == len(figures)
@@ -184,6 +186,28 @@ def test_few_methods(methods: tuple[str, ...]) -> None:
     text = to_markdown(control_section(made_results(2, methods, CONDITIONS[:1])), "control")
     assert "nan" not in text
     assert "None" not in text
+
+
+@pytest.mark.parametrize("seeds", [1, 3])
+def test_a_peer_s_runs_are_means_over_seeds(seeds: int) -> None:
+    rows = [
+        {
+            "task": "hopper",
+            "learner": name,
+            "seed": i,
+            "steps": 1000,
+            "mean_return": mean + i,
+            "final_return": 9.0,
+            "cpu_s": cpu,
+        }
+        for name, mean, cpu in ((PEER, 100.0, 10.0), ("rpsp", 200.0, 0.5))
+        for i in range(seeds)
+    ]
+    first, second = peers_table(rows).rows
+    assert first[:3] == ("Hopper", PEER, f"{seeds}")
+    assert second[:2] == ("Hopper", "RPSP")
+    assert (first[-1], second[-1]) == ("100", "2,000")
+    assert first[3] == ("100" if seeds == 1 else "101 (± 0.58)")
 
 
 def test_nothing_was_run() -> None:

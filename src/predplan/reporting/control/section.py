@@ -8,7 +8,7 @@ from predplan.reporting.control import claims, figures, tables
 from predplan.reporting.control.departures import DEPARTURES, LIMITATIONS
 from predplan.reporting.control.labels import MAIN, PARTS, groups, task_title
 from predplan.reporting.control.results import ControlResults
-from predplan.reporting.document import Block, Items, Section, Text
+from predplan.reporting.document import Block, Items, Section, Table, Text
 
 WHAT = (
     "A policy that sees positions alone must remember. A recurrent predictive-state policy (RPSP) remembers what it "
@@ -24,8 +24,8 @@ HOW = (
 NOTHING = "No task was run: params.yaml names none under control.tasks."
 
 
-def control_section(results: ControlResults, speeds: Sequence[tuple[str, str]] = ()) -> Section:
-    """The whole report on control; speeds: what was measured apart from training, and found."""
+def control_section(results: ControlResults, speeds: Sequence[Table] = ()) -> Section:
+    """The whole report on control; speeds: what was measured apart from the runs."""
     differs = Section("What differs from the thesis, and why", (Items(DEPARTURES),))
     limits = Section("Limitations", (Items((*few_runs(results), *LIMITATIONS)),))
     if not results.runs:
@@ -40,7 +40,7 @@ def control_section(results: ControlResults, speeds: Sequence[tuple[str, str]] =
         *degradation_sections(results),
         *part_sections(results),
         *prediction_sections(results),
-        Section("Cost and reliability", (tables.cost_table(results), *measured(speeds))),
+        Section("Cost and reliability", (tables.cost_table(results), *speeds)),
         differs,
         limits,
     )
@@ -131,11 +131,6 @@ def few_runs(results: ControlResults) -> tuple[tuple[str, str], ...]:
             "that none was found, not that there is none.",
         ),
     )
-
-
-def measured(speeds: Sequence[tuple[str, str]]) -> tuple[Block, ...]:
-    """What was measured apart from training."""
-    return (Items(tuple((f"{what}:", f"{value}.") for what, value in speeds)),) if speeds else ()
 
 
 def _tasks(conditions: list[tuple[str, float, float]]) -> list[str]:
