@@ -11,8 +11,8 @@ import pytest
 
 from predplan.artifacts.mcap import read_provenance
 from predplan.artifacts.provenance import hash_file
-from predplan.cli import plan as plan_command
 from predplan.cli import run
+from predplan.cli_plan import plan as plan_command
 from predplan.inspection import record
 from predplan.planning.plan_files import read_plan
 from predplan.planning.planner import METHODS
