@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from predplan.artifacts.files import read_json, write_whole
-from predplan.artifacts.tables import TableSchema, read_table
+from predplan.artifacts.tables import read_rows
 from predplan.control.benchmark_tables import PEERS, SPEEDS
 from predplan.control.tables import COMPARISONS as RUN_TESTS
 from predplan.control.tables import LEARNING, PREDICTION, RUNS
@@ -64,19 +64,19 @@ def read_results(folder: Path, name: str, settings: CorpusSettings) -> CorpusRes
         name=name,
         source=settings.source,
         dictionary=settings.dictionary,
-        scores=_rows(folder / "scores.parquet", SCORES),
-        tag_scores=_rows(folder / "tag_scores.parquet", TAG_SCORES),
-        confusion=_rows(folder / "confusion.parquet", CONFUSION),
-        comparisons=_rows(folder / "comparisons.parquet", COMPARISONS),
-        tagged=_rows(folder / "tagged.parquet", TAGGED),
-        curve=_rows(folder / "curve.parquet", CURVE),
+        scores=read_rows(folder / "scores.parquet", SCORES),
+        tag_scores=read_rows(folder / "tag_scores.parquet", TAG_SCORES),
+        confusion=read_rows(folder / "confusion.parquet", CONFUSION),
+        comparisons=read_rows(folder / "comparisons.parquet", COMPARISONS),
+        tagged=read_rows(folder / "tagged.parquet", TAGGED),
+        curve=read_rows(folder / "curve.parquet", CURVE),
         costs=[
             row
             for part, stage in costs
-            for row in _rows(folder / f"costs-{part}.parquet", replace(COSTS, stage=stage))
+            for row in read_rows(folder / f"costs-{part}.parquet", replace(COSTS, stage=stage))
             if row["method"] not in UNTIMED
         ],
-        ablations=_rows(ablations, ABLATIONS) if ablations.exists() else [],
+        ablations=read_rows(ablations, ABLATIONS) if ablations.exists() else [],
         facts=_facts(folder / "corpus.json", "corpus", ("sources", "parts", "dictionary_entries")),
         raw=_facts(folder / "tokenise.json", "tokenise", ("lines", "tokens", "words", "malformed")),
     )
@@ -90,7 +90,9 @@ def read_benchmark(settings: Settings) -> Section | None:
     folder = Path(settings.out) / "results" / "planning" / "motion-bench"
     if not (folder / "summary.parquet").exists():
         return None
-    return motion_bench_section(_rows(folder / "plans.parquet", PLANS), _rows(folder / "summary.parquet", SUMMARIES))
+    return motion_bench_section(
+        read_rows(folder / "plans.parquet", PLANS), read_rows(folder / "summary.parquet", SUMMARIES)
+    )
 
 
 def read_suites(settings: Settings) -> list[SuiteResults]:
@@ -102,7 +104,7 @@ def read_suites(settings: Settings) -> list[SuiteResults]:
 def read_suite(folder: Path, name: str, settings: SuiteSettings) -> SuiteResults:
     """One suite's results. Raises InputError, which names the stage to run again, where one is missing or broken."""
     tables = {
-        schema.name: _rows(folder / f"{schema.name}.parquet", replace(schema, stage=f"compare@{name}"))
+        schema.name: read_rows(folder / f"{schema.name}.parquet", replace(schema, stage=f"compare@{name}"))
         for schema in (COST_CURVES, TESTS, EXAMPLE, FIELD, OUTCOMES, TIMES, STEPS)
     }
     return SuiteResults(
@@ -126,7 +128,7 @@ def read_control(settings: Settings) -> ControlResults | None:
     if not folders:
         return None
     tables = {
-        name: [row for folder in folders for row in _rows(folder / f"{name}.parquet", schema)]
+        name: [row for folder in folders for row in read_rows(folder / f"{name}.parquet", schema)]
         for name, schema in (
             ("learning", LEARNING),
             ("runs", RUNS),
@@ -141,7 +143,7 @@ def read_speeds(settings: Settings) -> list[Table]:
     """Control's speeds, where they were measured (make bench)."""
     folder = Path(settings.out) / "results" / "control"
     found = ((folder / "speeds.parquet", SPEEDS, speeds_table), (folder / "peers.parquet", PEERS, peers_table))
-    return [table(_rows(path, schema)) for path, schema, table in found if path.exists()]
+    return [table(read_rows(path, schema)) for path, schema, table in found if path.exists()]
 
 
 def write_report(out: Path, systems: Sequence[Section]) -> None:
@@ -158,10 +160,6 @@ def write_report(out: Path, systems: Sequence[Section]) -> None:
 def _write(path: Path, text: str) -> None:
     with write_whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
-
-
-def _rows(path: Path, schema: TableSchema) -> list[dict[str, Any]]:
-    return [dict(row) for row in read_table(path, schema).to_pylist()]
 
 
 def _facts(path: Path, stage: str, keys: tuple[str, ...]) -> dict[str, Any]:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import shutil
 
 from predplan.artifacts.files import write_json, write_whole
+from predplan.artifacts.tables import read_rows, write_rows
 from predplan.control.comparing import compare_all, summarise
 from predplan.control.curves import learning_curves
-from predplan.control.tables import COMPARISONS, LEARNING, RUNS, SUMMARY, read_rows, write_rows
+from predplan.control.tables import COMPARISONS, LEARNING, RUNS, SUMMARY
 from stages.common import TaskStage, run_task_stage
 
 TOLD = ("learning.parquet", "runs.parquet", "prediction.parquet")

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from predplan.artifacts.mcap import read_steps
+from predplan.artifacts.tables import write_rows
 from predplan.control.correction import CorrectionSettings
 from predplan.control.environments import EnvironmentSettings
 from predplan.control.exploration import degraded
@@ -19,7 +20,7 @@ from predplan.control.predictors import PredictorSettings, prediction_table
 from predplan.control.records import prediction_rows
 from predplan.control.recurrent_predictor import RecurrentSettings
 from predplan.control.refinement import RefinementSettings, fit_refined
-from predplan.control.tables import PREDICTION, write_rows
+from predplan.control.tables import PREDICTION
 from predplan.control.tasks import find_task
 from predplan.control.trajectories import Trajectories, from_steps
 from predplan.parallel import run

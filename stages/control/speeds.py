@@ -19,6 +19,7 @@ from rich.console import Console
 from rich.progress import track
 
 from predplan.artifacts.provenance import Provenance
+from predplan.artifacts.tables import read_rows, write_rows
 from predplan.control.benchmark_tables import PEERS, SPEEDS
 from predplan.control.benchmarks import rates
 from predplan.control.comparing import final_mean, mean_over_training
@@ -26,7 +27,6 @@ from predplan.control.environments import EnvironmentSettings
 from predplan.control.records import run_row
 from predplan.control.recurrent_ppo import train_peer
 from predplan.control.running import Order, run
-from predplan.control.tables import read_rows, write_rows
 from predplan.control.tasks import TASKS
 from predplan.control.training import Schedule
 from predplan.errors import InputError, PredplanError

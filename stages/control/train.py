@@ -13,9 +13,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from predplan.artifacts.tables import write_rows
 from predplan.control.run_files import finished_rows, run_name
 from predplan.control.running import Order
-from predplan.control.tables import FINISHED, LEARNING, RUNS, write_rows
+from predplan.control.tables import FINISHED, LEARNING, RUNS
 from predplan.parallel import run
 from stages.common import TaskStage, run_task_stage
 from stages.control.ordered import orders, policy_name

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from predplan.artifacts.files import write_json, write_whole
+from predplan.artifacts.tables import read_rows, write_rows
 from predplan.planning.comparing import paired_test, summary
 from predplan.planning.kinds import IN_THE_PLANE
 from predplan.planning.kinematics import poses, tool_trace
@@ -29,8 +30,6 @@ from predplan.planning.tables import (
     TEST,
     TRAJECTORIES,
     read_problems,
-    read_rows,
-    write_rows,
 )
 from stages.common import SuiteStage, run_suite_stage
 from stages.planning.compared import plane_of

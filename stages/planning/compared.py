@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from predplan.artifacts.recordings import JointStates
+from predplan.artifacts.tables import read_rows
 from predplan.errors import InputError
 from predplan.planning.kinds import SuiteKind
 from predplan.planning.measures import GRID
 from predplan.planning.methods import Method, methods_of
 from predplan.planning.problems import Problem
 from predplan.planning.robots import FloatArray
-from predplan.planning.tables import STEPS, read_rows
+from predplan.planning.tables import STEPS
 from stages.common import SuiteStage
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 import rerun as rr
 
-from predplan.artifacts.tables import read_provenance
+from predplan.artifacts.tables import read_provenance, read_rows
 from predplan.inspection.fields import CostField, Course, PlanarPlans, draw_field
 from predplan.inspection.planning import Limits, Motion, Plans, draw_plans
 from predplan.inspection.recording import Page, write_recording
@@ -23,7 +23,7 @@ from predplan.planning.measures import cost_field
 from predplan.planning.plan_files import clearance_of
 from predplan.planning.problems import Problem
 from predplan.planning.robots import FloatArray
-from predplan.planning.tables import COSTS, SUPPORTS, TEST, TRAJECTORIES, read_problems, read_rows
+from predplan.planning.tables import COSTS, SUPPORTS, TEST, TRAJECTORIES, read_problems
 from predplan.planning.visuals import frame_poses, robot_solids, scene_solids
 from stages.common import SuiteStage, run_suite_stage
 from stages.planning.compared import plane_of, played

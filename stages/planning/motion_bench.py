@@ -19,13 +19,12 @@ from rich.console import Console
 from rich.progress import Progress
 
 from predplan.artifacts.provenance import Provenance, hash_file
-from predplan.artifacts.tables import read_provenance
+from predplan.artifacts.tables import read_provenance, read_rows, write_rows
 from predplan.errors import InputError, PredplanError
 from predplan.planning.benchmark_tables import PLANS, SUMMARY, measured_of, rows_of, summarise
 from predplan.planning.benchmarks import ROBOT, Measured, SetProblem, measure, read_problems, solvable
 from predplan.planning.peers import PEERS, REFERENCE, NotInstalledError, PeerSettings, make, own_planners
 from predplan.planning.published import fetch_published
-from predplan.planning.tables import read_rows, write_rows
 from predplan.reporting.markdown import to_markdown
 from predplan.reporting.planning.motion_bench import motion_bench_section
 from stages.common import mirror_folder, plain

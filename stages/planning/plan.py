@@ -9,23 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from predplan.artifacts.tables import write_rows
 from predplan.parallel import run
 from predplan.planning.measures import GRID
 from predplan.planning.methods import Method
 from predplan.planning.plan_files import write_motion
 from predplan.planning.problems import Problem
 from predplan.planning.running import Run, iteration_times, run_method, supports_of
-from predplan.planning.tables import (
-    COSTS,
-    MEASURES,
-    OUTCOMES,
-    SUPPORTS,
-    TEST,
-    TIMES,
-    TRAJECTORIES,
-    read_problems,
-    write_rows,
-)
+from predplan.planning.tables import COSTS, MEASURES, OUTCOMES, SUPPORTS, TEST, TIMES, TRAJECTORIES, read_problems
 from stages.common import SuiteStage, run_suite_stage
 from stages.planning.compared import played, tuned_methods
 

@@ -7,11 +7,12 @@ from dataclasses import asdict, replace
 from functools import partial
 from itertools import groupby
 
+from predplan.artifacts.tables import write_rows
 from predplan.parallel import run
 from predplan.planning.methods import Method
 from predplan.planning.problems import Problem
 from predplan.planning.running import Tried, choose_step, run_method, try_step
-from predplan.planning.tables import STEPS, TUNING, read_problems, write_rows
+from predplan.planning.tables import STEPS, TUNING, read_problems
 from stages.common import SuiteStage, run_suite_stage
 from stages.planning.compared import methods_of_suite
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from predplan.artifacts.provenance import Provenance
-from predplan.artifacts.tables import write_table
+from predplan.artifacts.tables import read_rows, write_rows, write_table
 from predplan.control.comparing import (
     compare_all,
     compare_runs,
@@ -24,7 +24,7 @@ from predplan.control.comparing import (
     summarise,
     welch,
 )
-from predplan.control.tables import COMPARISONS, RUNS, SUMMARY, read_rows, write_rows
+from predplan.control.tables import COMPARISONS, RUNS, SUMMARY
 
 
 def made_run(method: str, seed: int, mean: float, **changed: Any) -> dict[str, Any]:

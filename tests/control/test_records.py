@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from predplan.artifacts.provenance import Provenance
+from predplan.artifacts.tables import read_rows, write_rows
 from predplan.control.environments import EnvironmentSettings
 from predplan.control.prediction import PredictionError
 from predplan.control.records import learning_rows, prediction_rows, run_row
 from predplan.control.running import Order, Run
-from predplan.control.tables import LEARNING, PREDICTION, RUNS, read_rows, write_rows
+from predplan.control.tables import LEARNING, PREDICTION, RUNS
 from predplan.control.training import Progress, Schedule
 
 RETURNS = (10.0, float("nan"), 30.0, 50.0)

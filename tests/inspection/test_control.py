@@ -12,11 +12,11 @@ from rerun.chunk import RrdReader
 
 from predplan import inspection
 from predplan.artifacts.provenance import Provenance
-from predplan.artifacts.tables import TableSchema
+from predplan.artifacts.tables import TableSchema, write_rows
 from predplan.control.environments import EnvironmentSettings
 from predplan.control.rollout_files import write_rollouts
 from predplan.control.rollouts import Rollouts
-from predplan.control.tables import LEARNING, PREDICTION, RUNS, write_rows
+from predplan.control.tables import LEARNING, PREDICTION, RUNS
 from predplan.control.trajectories import Trajectories
 from tests.inspection.test_planning import read_back
 

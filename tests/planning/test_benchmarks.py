@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from predplan.artifacts.provenance import Provenance
+from predplan.artifacts.tables import read_rows, write_rows
 from predplan.errors import InputError, PredplanError
 from predplan.planning import benchmarks, peers, published
 from predplan.planning.benchmark_tables import PLANS, SUMMARY, measured_of, rows_of, summarise
@@ -25,7 +26,6 @@ from predplan.planning.peers.vamp_planner import fixed_angles
 from predplan.planning.poses import from_rpy
 from predplan.planning.robots import FloatArray, Robot, planar_arm
 from predplan.planning.scenes import Box, Capsule, Shape, Sphere, make_scene
-from predplan.planning.tables import read_rows, write_rows
 from predplan.reporting.markdown import to_markdown
 from predplan.reporting.planning.motion_bench import motion_bench_section
 from stages.planning import motion_bench

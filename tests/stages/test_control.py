@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 
 from predplan.artifacts.mcap import read_steps
+from predplan.artifacts.tables import read_rows, write_rows
 from predplan.control.run_files import CHECKPOINT, run_name
 from predplan.control.running import Order, Run, run
-from predplan.control.tables import COMPARISONS, LEARNING, PREDICTION, RUNS, SUMMARY, read_rows, write_rows
+from predplan.control.tables import COMPARISONS, LEARNING, PREDICTION, RUNS, SUMMARY
 from predplan.errors import InputError
 from stages.common import TaskStage
 from stages.control import compare, evaluate, explore, train

@@ -12,7 +12,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from predplan.artifacts.mcap import read_joint_states
-from predplan.artifacts.tables import read_provenance, read_table
+from predplan.artifacts.tables import read_provenance, read_rows, read_table
 from predplan.errors import InputError
 from predplan.planning import tables
 from predplan.planning.methods import methods_of
@@ -91,7 +91,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def rows(made: Path, suite: str, name: str) -> list[dict[str, Any]]:
-    return tables.read_rows(made / "planning" / suite / f"{name}.parquet", MADE[name])
+    return read_rows(made / "planning" / suite / f"{name}.parquet", MADE[name])
 
 
 @pytest.mark.parametrize("suite", SUITES)

@@ -3,8 +3,8 @@ from pathlib import Path
 import pytest
 
 from predplan.artifacts.provenance import Provenance
+from predplan.artifacts.tables import read_rows, write_rows
 from predplan.control.benchmark_tables import PEERS
-from predplan.control.tables import read_rows, write_rows
 from predplan.reporting.control.speeds import PEER
 from stages.control import speeds
 

@@ -6,7 +6,7 @@ The same table gives the same bytes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -81,6 +81,13 @@ def open_writer(path: Path, schema: TableSchema, provenance: Provenance) -> Iter
         yield write
 
 
+def write_rows(path: Path, schema: TableSchema, rows: Sequence[Mapping[str, Any]], provenance: Provenance) -> None:
+    """Write a table of rows, of which each has every column."""
+    write_table(
+        path, schema, {column.name: [row[column.name] for row in rows] for column in schema.columns}, provenance
+    )
+
+
 def read_table(path: Path, schema: TableSchema) -> pa.Table:
     """The whole table. Raises InputError as `open_table` does."""
     with open_table(path, schema) as file:
@@ -88,6 +95,12 @@ def read_table(path: Path, schema: TableSchema) -> pa.Table:
             return file.read()
         except (pa.ArrowException, OSError) as error:
             raise _broken(path, schema, error) from error
+
+
+def read_rows(path: Path, schema: TableSchema) -> list[dict[str, Any]]:
+    """The rows of a table. Raises InputError as `read_table` does."""
+    rows: list[dict[str, Any]] = read_table(path, schema).to_pylist()
+    return rows
 
 
 @contextmanager

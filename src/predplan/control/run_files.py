@@ -15,11 +15,12 @@ from dataclasses import asdict
 from pathlib import Path
 
 from predplan.artifacts.provenance import Provenance
+from predplan.artifacts.tables import read_rows, write_rows
 from predplan.control.methods import find_method
 from predplan.control.policy_files import save_policy
 from predplan.control.records import learning_rows, run_row
 from predplan.control.running import Order, Run, run
-from predplan.control.tables import FINISHED, LEARNING, RUNS, Row, read_rows, write_rows
+from predplan.control.tables import FINISHED, LEARNING, RUNS, Row
 from predplan.control.training import Progress
 from predplan.errors import InputError
 
@@ -29,10 +30,11 @@ CHECKPOINT, CURVE, ROW = "checkpoint.safetensors", "learning.parquet", "runs.par
 def run_into(folder: Path, order: Order, every: int = 20, report: Callable[[Progress], None] | None = None) -> Run:
     """Learn, going on from the folder's checkpoint where there is one, and leave everything in the folder.
 
-    Raises InputError as `running.run`, or where the folder is a file.
+    Raises InputError as `running.run`, or where the folder is a file or would lie in one.
     """
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder} is a file; expected a folder to write to")
+    there = next((path for path in (folder, *folder.parents) if path.exists()), folder)
+    if there.exists() and not there.is_dir():
+        raise InputError(f"{there} is a file; expected a folder to write to")
     found = run(order, folder / CHECKPOINT, every, report)
     provenance = Provenance(_params(order), order.seed)
     write_rows(folder / CURVE, LEARNING, learning_rows(found), provenance)

@@ -5,14 +5,12 @@ A run is named by the columns of RUN: task, condition (noise and drop), method a
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any, TypeAlias
 
 import pyarrow as pa
 
-from predplan.artifacts.provenance import Provenance
-from predplan.artifacts.tables import Column, TableSchema, read_table, write_table
+from predplan.artifacts.tables import Column, TableSchema
 
 Row: TypeAlias = Mapping[str, Any]
 """A table's row, by the columns of its schema."""
@@ -138,14 +136,3 @@ SUMMARY = TableSchema(
         Column("cpu_s", pa.float64(), "s", "mean processor time of a run"),
     ),
 )
-
-
-def write_rows(path: Path, schema: TableSchema, rows: Sequence[Row], provenance: Provenance) -> None:
-    """Write a table of rows."""
-    columns = {column.name: [row[column.name] for row in rows] for column in schema.columns}
-    write_table(path, schema, columns, provenance)
-
-
-def read_rows(path: Path, schema: TableSchema) -> list[dict[str, Any]]:
-    """The rows of a table. Raises InputError as `read_table` does."""
-    return [dict(row) for row in read_table(path, schema).to_pylist()]

@@ -8,10 +8,10 @@ from pathlib import Path
 import rerun as rr
 import rerun.blueprint as rrb
 
-from predplan.artifacts.tables import read_provenance
+from predplan.artifacts.tables import read_provenance, read_rows
 from predplan.control.comparing import summarise
 from predplan.control.curves import Condition, condition_of, learning_curves
-from predplan.control.tables import LEARNING, PREDICTION, RUNS, Row, read_rows
+from predplan.control.tables import LEARNING, PREDICTION, RUNS, Row
 from predplan.inspection.control_plots import ahead_plot, curve_plot, error_plot, mean_plot, named
 from predplan.inspection.markdown import about, cell, escape, markdown_table
 from predplan.inspection.recording import Page, log_picture, picture_view

@@ -12,7 +12,7 @@ import pyarrow as pa
 
 from predplan.artifacts.files import read_json, write_json
 from predplan.artifacts.provenance import Provenance
-from predplan.artifacts.tables import Column, TableSchema, read_table, write_table
+from predplan.artifacts.tables import Column, TableSchema, read_rows, write_rows
 from predplan.errors import InputError
 from predplan.planning.problems import Problem
 from predplan.planning.robots import Chain, Robot
@@ -158,17 +158,6 @@ _SHAPES: Mapping[str, tuple[type[Any], Mapping[str, tuple[int, ...]]]] = {
     "cylinder": (Cylinder, {"centre": (3,), "half": (), "radius": (), "rotation": (3, 3)}),
     "mesh": (Mesh, {"vertices": (-1, 3)}),
 }
-
-
-def write_rows(path: Path, schema: TableSchema, rows: Sequence[Mapping[str, Any]], provenance: Provenance) -> None:
-    """Write a table of rows."""
-    columns = {column.name: [row[column.name] for row in rows] for column in schema.columns}
-    write_table(path, schema, columns, provenance)
-
-
-def read_rows(path: Path, schema: TableSchema) -> list[dict[str, Any]]:
-    """The rows of a table."""
-    return [dict(row) for row in read_table(path, schema).to_pylist()]
 
 
 def write_problems(folder: Path, parts: Mapping[str, Sequence[Problem]], provenance: Provenance) -> None:
