@@ -6,6 +6,7 @@ Commands import what they need when they run, so that help appears at once.
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -26,6 +27,8 @@ control = App(name="control", help="Learn to act on noisy, lossy positions, and 
 
 COPIES, RECORDED = 16, 3
 """Episodes side by side in an evaluation, and episodes that are recorded."""
+EVERY = 1
+"""Updates after which a run is put away: 10 to 20 ms each (measured), an update takes 200 ms and more."""
 
 
 @control.command
@@ -53,25 +56,31 @@ def train(
     _check_seed(seed)
     from predplan.control.environments import EnvironmentSettings
     from predplan.control.methods import find_method
-    from predplan.control.run_files import run_into
-    from predplan.control.running import Order, summarise_run
+    from predplan.control.records import run_row
+    from predplan.control.run_files import CHECKPOINT, CURVE, run_into
+    from predplan.control.running import Order
     from predplan.control.tables import FINISHED
     from predplan.control.training import Schedule
 
     find_method(method)
     order = Order(EnvironmentSettings(task, noise, drop), method, Schedule(steps=steps), seed)
-    with _progress(steps) as report:
-        found = run_into(out, order, report=report)
+    try:
+        with _progress(steps, goes_on=(out / CHECKPOINT).exists()) as report:
+            found = run_into(out, order, EVERY, report)
+    except KeyboardInterrupt:
+        kept = (out / CHECKPOINT).exists()
+        remedy = "the same command goes on where it was" if kept else "nothing was learned yet"
+        sys.stderr.write(f"predplan: interrupted; {remedy}\n")
+        raise
+    row = run_row(found)
     if found.reason != FINISHED:
-        done = found.progress[-1].steps if found.progress else 0
         raise PredplanError(
-            f"{found.reason}; after {done} of {steps} steps; the curve is in {out / 'learning.parquet'}"
+            f"{found.reason}; no policy is written; the curve of the {row['steps']} steps before is {out / CURVE}"
         )
-    summary, last = summarise_run(found.progress, task), found.progress[-1]
-    reached = f", 195 after {summary.steps_to_threshold} steps" if summary.steps_to_threshold else ""
+    reached = f", 195 after {row['steps_to_threshold']} steps" if row["steps_to_threshold"] else ""
     sys.stdout.write(
-        f"{method} on {task}: {last.steps} steps, mean return {summary.mean_return:.1f}, at the end"
-        f" {summary.final_return:.1f}{reached}; {last.cpu_s:.0f} s of processor; written to {out}\n"
+        f"{method} on {task}: {row['steps']} steps, mean return {row['mean_return']:.1f}, at the end"
+        f" {row['final_return']:.1f}{reached}; {row['cpu_s']:.0f} s of processor; written to {out}\n"
     )
 
 
@@ -172,7 +181,7 @@ def _check_sizes(folder: Path, learned: Learned, observations: int, actions: int
 
 
 @contextmanager
-def _progress(steps: int) -> Iterator[Callable[[Progress], None] | None]:
+def _progress(steps: int, goes_on: bool) -> Iterator[Callable[[Progress], None] | None]:
     """A bar on stderr with return, prediction error and time left, if that is a terminal."""
     if not sys.stderr.isatty():
         yield None
@@ -181,12 +190,22 @@ def _progress(steps: int) -> Iterator[Callable[[Progress], None] | None]:
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
 
-    columns = (MofNCompleteColumn(), TextColumn("steps"), BarColumn(), TextColumn("{task.description}"))
-    with Bar(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as bar:
-        task = bar.add_task("exploring", total=steps)
+    told, left = TextColumn("{task.description}"), (TimeRemainingColumn(), TextColumn("left"))
+    columns = (MofNCompleteColumn(), TextColumn("steps"), BarColumn(), told, *left)
+    with Bar(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task("going on" if goes_on else "exploring", total=steps)
+        last = {"return": math.nan, "prediction error": math.nan}
 
         def report(one: Progress) -> None:
-            told = f"return {one.return_mean:.1f}, prediction error {one.prediction_error:.3f}"
-            bar.update(task, completed=min(one.steps, steps), description=told)
+            found = {"return": one.return_mean, "prediction error": one.prediction_error}
+            last.update({name: value for name, value in found.items() if math.isfinite(value)})
+            told = ", ".join(f"{name} {value:.3g}" for name, value in last.items() if math.isfinite(value))
+            done = min(one.steps, steps)
+            told = told or "no episode has ended"
+            if bar.tasks[0].completed:
+                bar.update(task, completed=done, description=told)
+            else:
+                # What was done in an earlier sitting says nothing of this one's speed.
+                bar.reset(task, completed=done, description=told)
 
         yield report

@@ -10,7 +10,7 @@ import torch
 from predplan.artifacts.tensors import read_tensors, write_tensors
 from predplan.control.environments import EnvironmentSettings
 from predplan.control.methods import METHODS
-from predplan.control.running import KIND, Order, run, summarise_run
+from predplan.control.running import KIND, Order, run, steps_to_threshold
 from predplan.control.training import Diverged, Progress, Schedule, Training
 from predplan.errors import InputError
 
@@ -164,30 +164,18 @@ def progress(steps: list[int], returns: list[float]) -> list[Progress]:
     return [Progress(**nothing, steps=one, return_mean=value) for one, value in zip(steps, returns, strict=True)]
 
 
-def test_a_runs_summary_is_the_area_under_its_curve() -> None:
-    steps = [1000 * one for one in range(1, 11)]
-    flat = summarise_run(progress(steps, [7.0] * 10), "swimmer")
-    assert flat.mean_return == pytest.approx(7.0)
-    assert flat.final_return == pytest.approx(7.0)
-    assert flat.steps_to_threshold is None
-    rising = summarise_run(progress(steps, [float(one) for one in range(1, 11)]), "cartpole")
-    assert rising.mean_return == pytest.approx(5.05, abs=0.01)  # 1 until the first batch, then a straight line
-    assert rising.final_return == pytest.approx(9.5, abs=0.01)
-    gaps = summarise_run(progress(steps, [1.0, np.nan, 3.0, 4.0, np.nan, np.nan, 7.0, 8.0, 9.0, 10.0]), "cartpole")
-    assert gaps.mean_return == pytest.approx(rising.mean_return)
-
-
 def test_a_threshold_is_reached_when_the_smoothed_return_is() -> None:
     steps = [1000 * one for one in range(1, 11)]
     returns = [10.0, 10.0, 199.0, 199.0, 199.0, 199.0, 199.0, 10.0, 199.0, 199.0]
-    assert summarise_run(progress(steps, returns), "cartpole").steps_to_threshold == 7000
-    assert summarise_run(progress(steps, [194.0] * 10), "cartpole").steps_to_threshold is None
-    assert summarise_run(progress(steps[:3], [200.0] * 3), "cartpole").steps_to_threshold is None
-    assert summarise_run(progress(steps[:5], [200.0] * 5), "cartpole").steps_to_threshold == 5000
+    assert steps_to_threshold(progress(steps, returns), "cartpole") == 7000
+    assert steps_to_threshold(progress(steps, [194.0] * 10), "cartpole") is None
+    assert steps_to_threshold(progress(steps[:3], [200.0] * 3), "cartpole") is None
+    assert steps_to_threshold(progress(steps[:5], [200.0] * 5), "cartpole") == 5000
 
 
-def test_a_run_in_which_no_episode_ended_has_no_return() -> None:
-    found = summarise_run(progress([10, 20], [np.nan, np.nan]), "cartpole")
-    assert np.isnan(found.mean_return)
-    assert np.isnan(found.final_return)
-    assert found.steps_to_threshold is None
+def test_no_threshold_is_reached_without_returns_or_where_none_is_set() -> None:
+    assert steps_to_threshold([], "cartpole") is None
+    assert steps_to_threshold(progress([10, 20], [np.nan, np.nan]), "cartpole") is None
+    assert steps_to_threshold(progress([10, 20, 30, 40, 50], [200.0] * 5), "swimmer") is None
+    gaps = progress([10, 20, 30, 40, 50, 60], [np.nan, 190.0, np.nan, 210.0, np.nan, np.nan])
+    assert steps_to_threshold(gaps, "cartpole") == 50  # 190, 190, 200, 210, 210: 200 in the mean

@@ -10,7 +10,7 @@ import numpy as np
 from predplan.control.comparing import final_mean, mean_over_training
 from predplan.control.environments import EnvironmentSettings
 from predplan.control.prediction import PredictionError
-from predplan.control.running import Order, Run, summarise_run
+from predplan.control.running import Order, Run, steps_to_threshold
 from predplan.control.tables import FINISHED
 from predplan.control.training import Progress
 
@@ -45,9 +45,7 @@ def run_row(run: Run) -> dict[str, Any]:
         "steps": run.progress[-1].steps if run.progress else 0,
         "mean_return": mean,
         "final_return": final,
-        "steps_to_threshold": summarise_run(run.progress, run.order.task.task).steps_to_threshold
-        if run.progress
-        else None,
+        "steps_to_threshold": steps_to_threshold(run.progress, run.order.task.task),
         "reason": run.reason,
         "cpu_s": run.progress[-1].cpu_s if run.progress else 0.0,
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -73,31 +73,20 @@ def run(
         torch.set_num_threads(threads)
 
 
-@dataclass(frozen=True)
-class Summary:
-    """A run in a few numbers."""
+def steps_to_threshold(progress: Sequence[Progress], task: str) -> int | None:
+    """Steps after which the mean return of SMOOTHED batches reached the task's threshold; None: never, or none is set.
 
-    mean_return: float  # area under return against steps, over steps
-    final_return: float  # over the last tenth of the steps
-    steps_to_threshold: int | None  # None: never, or the task has no threshold
-
-
-def summarise_run(progress: list[Progress], task: str) -> Summary:
-    """Returns of batches in which no episode ended are those of the batches around them."""
-    steps = np.array([one.steps for one in progress], np.float64)
+    Returns of batches in which no episode ended are those of the batches around them.
+    """
     returns = np.array([one.return_mean for one in progress])
     known = np.isfinite(returns)
-    if not known.any():
-        return Summary(float("nan"), float("nan"), None)
-    grid = np.linspace(0.0, steps[-1], 1001)
-    curve = np.interp(grid, steps[known], returns[known])
+    if task not in THRESHOLDS or len(returns) < SMOOTHED or not known.any():
+        return None
+    steps = np.array([one.steps for one in progress], np.float64)
     filled = np.interp(steps, steps[known], returns[known])
-    threshold, reached = THRESHOLDS.get(task), None
-    if threshold is not None:
-        smooth = np.convolve(filled, np.full(SMOOTHED, 1.0 / SMOOTHED), mode="valid")
-        passed = np.flatnonzero(smooth >= threshold)
-        reached = int(steps[passed[0] + SMOOTHED - 1]) if len(passed) else None
-    return Summary(float(curve.mean()), float(curve[grid >= 0.9 * steps[-1]].mean()), reached)
+    smooth = np.convolve(filled, np.full(SMOOTHED, 1.0 / SMOOTHED), mode="valid")
+    passed = np.flatnonzero(smooth >= THRESHOLDS[task])
+    return int(steps[passed[0] + SMOOTHED - 1]) if len(passed) else None
 
 
 def _learned(training: Training, order: Order) -> Learned:

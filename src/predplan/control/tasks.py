@@ -120,7 +120,8 @@ def find_task(name: str) -> Task | None:
             return task
     if name in other_tasks():
         return None
-    raise InputError(f"task: found {name!r}, expected one of {', '.join([*TASKS, *other_tasks()])}")
+    tasks = ", ".join([*TASKS, *other_tasks()])
+    raise InputError(f"task: found {name!r}, expected one of MuJoCo's, whose actions are continuous: {tasks}")
 
 
 def other_tasks() -> tuple[str, ...]:
