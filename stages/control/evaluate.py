@@ -14,6 +14,7 @@ from predplan.control.policies import PolicyActor
 from predplan.control.policy_files import load_policy
 from predplan.control.rollout_files import write_rollouts
 from predplan.control.rollouts import evaluate, record
+from predplan.errors import InputError
 from predplan.parallel import run
 from stages.common import TaskStage, run_task_stage
 
@@ -22,7 +23,10 @@ COPIES, RECORDED = 16, 2
 
 
 def main(stage: TaskStage) -> None:
-    folders = sorted(path for path in stage.path("policies").iterdir() if path.is_dir())
+    policies = stage.path("policies")
+    if not policies.is_dir():
+        raise InputError(f"{policies}: no such folder; make it again: dvc repro train@{stage.name}")
+    folders = sorted(path for path in policies.iterdir() if path.is_dir())
     stage.path("rollouts").mkdir(parents=True, exist_ok=True)
     work = partial(play, stage=stage)
     found = run(work, folders, workers=stage.settings.workers, scheduler=stage.settings.scheduler)

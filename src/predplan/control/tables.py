@@ -79,7 +79,7 @@ RUNS = TableSchema(
 )
 PREDICTION = TableSchema(
     "prediction",
-    "evaluate",
+    "initialise",
     (
         *_CONDITION,
         _SEED,
@@ -96,7 +96,7 @@ PREDICTION = TableSchema(
 )
 COMPARISONS = TableSchema(
     "comparisons",
-    "compare",
+    "compare-policies",
     (
         *_CONDITION,
         _METHOD,
@@ -118,7 +118,7 @@ COMPARISONS = TableSchema(
 )
 SUMMARY = TableSchema(
     "control summary",
-    "compare",
+    "compare-policies",
     (
         *_CONDITION,
         _METHOD,
