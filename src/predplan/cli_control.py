@@ -55,14 +55,12 @@ def train(
     """
     _check_seed(seed)
     from predplan.control.environments import EnvironmentSettings
-    from predplan.control.methods import find_method
     from predplan.control.records import run_row
     from predplan.control.run_files import CHECKPOINT, CURVE, run_into
     from predplan.control.running import Order
     from predplan.control.tables import FINISHED
     from predplan.control.training import Schedule
 
-    find_method(method)
     order = Order(EnvironmentSettings(task, noise, drop), method, Schedule(steps=steps), seed)
     try:
         with _progress(steps, goes_on=(out / CHECKPOINT).exists()) as report:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from predplan.control.environments import EnvironmentSettings
-from predplan.control.methods import find_method
 from predplan.control.running import Order
 from predplan.control.training import Schedule
 from predplan.errors import InputError
@@ -23,7 +22,6 @@ def orders(stage: TaskStage) -> list[Order]:
     for i, condition in enumerate(task.conditions):
         observed = EnvironmentSettings(task.task, condition.noise, condition.drop, task.horizon, threads=threads)
         for method in (*task.methods, *(task.ablations if i == 0 else ())):
-            find_method(method)
             found += [Order(observed, method, schedule, seed) for seed in range(task.seeds)]
     return found
 

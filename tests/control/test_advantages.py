@@ -8,7 +8,6 @@ from predplan.control.advantages import AdvantageSettings, estimate, prepare, wh
 from predplan.control.learner import Learner
 from predplan.control.networks import log_probability
 from predplan.control.sampling import Batch
-from predplan.errors import InputError
 from tests.control.learners import CARTPOLE, collect, sampler, seeing_network
 
 
@@ -98,10 +97,3 @@ def test_a_lesson_is_the_batch_in_the_networks_units(recurrent: int) -> None:
     )
     with torch.no_grad():
         torch.testing.assert_close(network.actor(known), lesson.mean, rtol=1e-4, atol=1e-5)
-
-
-@pytest.mark.parametrize("name", ["discount", "trace"])
-@pytest.mark.parametrize("value", [-0.1, 1.1, float("nan")])
-def test_bad_settings_are_named(name: str, value: float) -> None:
-    with pytest.raises(InputError, match=f"{name}: found {value}, expected 0 to 1"):
-        AdvantageSettings(**{name: value})

@@ -27,7 +27,7 @@ from predplan.control.ppo import PPOSettings
 from predplan.control.sampling import Batch
 from predplan.control.trajectories import Trajectories
 from predplan.control.whitening import no_whitening
-from predplan.errors import InputError, PredplanError
+from predplan.errors import PredplanError
 from tests.control.learners import CARTPOLE, SWIMMER, collect, learned_filter, sampler, seeing_network, uneven
 from tests.control.systems import exact_filter, example, simulate
 
@@ -271,23 +271,6 @@ def actions(learner: Learner, pool: Pool) -> np.ndarray:
     with torch.no_grad():
         means: np.ndarray = learner.network.actor(torch.from_numpy(learner.whitening(after)).float()).numpy()
         return means
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"averaging": 0.0}, "averaging: found 0.0"),
-        ({"averaging": 1.1}, "averaging: found 1.1"),
-        ({"policy": -1.0}, "policy, prediction: found -1.0, 1.0"),
-        ({"policy": 0.0, "prediction": 0.0}, "policy, prediction: found 0.0, 0.0"),
-        ({"rate": 0.0}, "rate: found 0.0"),
-        ({"steps": 0}, "steps: found 0"),
-        ({"largest_gradient": float("nan")}, "largest_gradient: found nan"),
-    ],
-)
-def test_bad_settings_are_named(arguments: dict[str, float], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        JointSettings(**arguments)  # type: ignore[arg-type]
 
 
 def test_nothing_is_whitened_for_a_state_alone() -> None:

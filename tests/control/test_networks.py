@@ -4,7 +4,6 @@ import torch
 from torch.distributions import Independent, Normal, kl_divergence
 
 from predplan.control.networks import ActorCritic, NetworkSettings, cut, divergence, log_probability
-from predplan.errors import InputError
 from tests.control.learners import seeing_network
 
 BEGINS = np.zeros((9, 4), np.bool_)
@@ -114,10 +113,3 @@ def test_acting_with_arrays_is_the_actor(recurrent: int) -> None:
         with torch.no_grad():
             np.testing.assert_allclose(network.acting()(known.numpy()), network.actor(known).numpy(), atol=1e-6)
             next(network.actor.parameters()).add_(0.1)  # and again, changed
-
-
-def test_bad_settings_are_named() -> None:
-    with pytest.raises(InputError, match="recurrent: found -1, expected 0 or more"):
-        NetworkSettings(recurrent=-1)
-    with pytest.raises(InputError, match=r"hidden: found \(64, 0\), expected widths above 0"):
-        NetworkSettings(hidden=(64, 0))

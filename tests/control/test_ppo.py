@@ -10,7 +10,6 @@ from predplan.control.networks import log_probability
 from predplan.control.pool import Pool
 from predplan.control.ppo import PPO, PPOSettings, pick
 from predplan.control.sampling import Batch
-from predplan.errors import InputError
 from tests.control.learners import CARTPOLE, collect, sampler, seeing_network
 
 NO_HISTORY = Pool(1, 1)
@@ -123,13 +122,6 @@ def test_gradients_that_are_not_finite_are_counted_and_leave_the_policy() -> Non
     report = PPO(learner, settings)(learner, replace(batch, drawn=drawn), NO_HISTORY, np.random.default_rng(0))
     assert report.skipped == 2  # of 4, as one of two minibatches holds that step
     assert all(bool(torch.isfinite(one).all()) for one in learner.network.parameters())
-
-
-@pytest.mark.parametrize("name", ["rate", "epochs", "minibatch", "clip", "most_divergence", "largest_gradient"])
-@pytest.mark.parametrize("value", [0, -1, float("nan")])
-def test_bad_settings_are_named(name: str, value: float) -> None:
-    with pytest.raises(InputError, match=f"{name}: found {value}, expected a number above 0"):
-        PPOSettings(**{name: value})  # type: ignore[arg-type]
 
 
 def surrogate(learner: Learner, lesson: Lesson) -> float:

@@ -145,10 +145,6 @@ def test_what_cannot_be_refined_is_said() -> None:
     alone = data.take(np.array([0]))
     with pytest.raises(InputError, match="trajectories: found 1, expected at least 2"):
         refine(exact_filter(example()), alone, SETTINGS, np.random.default_rng(16))
-    with pytest.raises(InputError, match="share: found 1"):
-        RefinementSettings(share=1.0)
-    with pytest.raises(InputError, match="rows: found 0, expected at least 1"):
-        RefinementSettings(rows=0)
 
 
 def test_what_is_held_out_is_the_rest() -> None:

@@ -151,20 +151,11 @@ def test_the_first_batch_may_be_all() -> None:
     assert training.done
 
 
-@pytest.mark.parametrize("name", ["steps", "copies", "length"])
-@pytest.mark.parametrize("value", [0, -5])
-def test_bad_schedules_are_named(name: str, value: int) -> None:
-    with pytest.raises(InputError, match=f"{name}: found {value}, expected at least 1"):
-        Schedule(**{name: value})
-
-
 def test_bad_methods_are_named() -> None:
     with pytest.raises(InputError, match="method: found 'rpps', expected one of rpsp, "):
         find_method("rpps")
     with pytest.raises(InputError, match="window: found 0, expected at least 1"):
         Method(window=0)
-    with pytest.raises(InputError, match="window: found -1, expected at least 1"):
-        replace(METHODS["rpsp"], window=-1)
 
 
 def test_a_batch_too_short_to_learn_a_filter_from_is_named() -> None:

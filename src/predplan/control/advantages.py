@@ -12,11 +12,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from predplan.control.bounds import check_number
 from predplan.control.networks import ActorCritic, log_probability
 from predplan.control.sampling import Batch
 from predplan.control.tasks import FloatArray
 from predplan.control.whitening import Whitening
-from predplan.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -27,9 +27,7 @@ class AdvantageSettings:
     trace: float = 0.95  # λ: 1 is Monte Carlo, 0 one step
 
     def __post_init__(self) -> None:
-        for name in ("discount", "trace"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise InputError(f"{name}: found {getattr(self, name)}, expected 0 to 1")
+        check_number(self, "discount", "trace", least=0, most=1)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from predplan.control.bounds import check_number, check_whole
 from predplan.control.features import fourier, squared_bandwidth
 from predplan.control.filtering import FilterState, filter_trajectories
 from predplan.control.linear_filter import LinearFilter
@@ -33,10 +34,13 @@ class CorrectionSettings:
     least_age: int = 3  # of the rows that are learned from; before it the start is not settled
 
     def __post_init__(self) -> None:
-        if self.frequencies < 1 or self.least_age < 0:
-            raise InputError(f"frequencies, least_age: found {self.frequencies}, {self.least_age}")
-        if not all(value > 0.0 for value in (*self.widths, *self.lams)):
-            raise InputError("widths, lams: expected numbers above 0")
+        check_whole(self, "frequencies")
+        check_whole(self, "least_age", least=0)
+        check_number(self, "share", above=0, below=1)
+        for name in ("widths", "lams"):
+            values = getattr(self, name)
+            if not (values and all(0.0 < value < np.inf for value in values)):
+                raise InputError(f"{name}: found {values}, expected finite numbers above 0, one at least")
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
+from predplan.control.bounds import check_number, check_whole
+
 ENOUGH, SHORTER, CURVED = 1e-4, 0.4, 1e-10
 """Share of the fall that the slope foretells; a shortened step's length; curvature that counts, relative."""
 
@@ -26,6 +28,10 @@ class DescentSettings:
     longest: float = 1.0  # length of any step
     memory: int = 20  # steps whose curvature is remembered
     tries: int = 12  # lengths of a step that are tried
+
+    def __post_init__(self) -> None:
+        check_number(self, "first", "longest", above=0)
+        check_whole(self, "memory", "tries")
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ import numpy as np
 from mujoco import rollout
 from numpy.typing import NDArray
 
+from predplan.control.bounds import check_whole
 from predplan.control.tasks import BoolArray, FloatArray, IntArray, Motion, Task, find_task
 from predplan.errors import InputError, PredplanError
 
@@ -40,10 +41,11 @@ class EnvironmentSettings:
             raise InputError(f"noise: found {self.noise}, expected a number from 0 on")
         if not 0.0 <= self.drop < 1.0:
             raise InputError(f"drop: found {self.drop}, expected a chance from 0 to below 1")
-        if self.horizon is not None and self.horizon < 1:
-            raise InputError(f"horizon: found {self.horizon}, expected at least 1 step")
-        if self.threads < 1:
-            raise InputError(f"threads: found {self.threads}, expected at least 1")
+        if self.horizon is not None:
+            check_whole(self, "horizon")
+        if self.scale is not None and not all(0.0 <= one < np.inf for one in self.scale):
+            raise InputError(f"scale: found {self.scale}, expected finite numbers from 0 on")
+        check_whole(self, "threads")
         find_task(self.task)
 
 

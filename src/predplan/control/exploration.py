@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from predplan.control.bounds import check_whole
 from predplan.control.environments import Environments, EnvironmentSettings, degrade
 from predplan.control.tasks import FloatArray
 from predplan.control.trajectories import Trajectories
@@ -28,10 +29,9 @@ class ExplorationSettings:
     horizon: int | None = None  # steps at most; None: the environment's own
 
     def __post_init__(self) -> None:
-        if self.trajectories < 1:
-            raise InputError(f"trajectories: found {self.trajectories}, expected at least 1")
-        if self.least_length < 1:
-            raise InputError(f"least_length: found {self.least_length}, expected at least 1")
+        check_whole(self, "trajectories", "least_length")
+        if self.horizon is not None:
+            check_whole(self, "horizon")
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
+from predplan.control.bounds import check_number, check_whole
 from predplan.control.tasks import FloatArray
 
 COMPARED = 10_000
@@ -27,6 +28,10 @@ class FeatureSettings:
     percentile: float = 95.0  # of squared distances, the squared bandwidth
     dimension: int = 20  # components that are kept
     whiten: bool = False  # components have mean square 1
+
+    def __post_init__(self) -> None:
+        check_whole(self, "frequencies", "dimension")
+        check_number(self, "percentile", above=0, most=100)
 
 
 class Features(Protocol):

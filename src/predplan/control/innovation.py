@@ -26,6 +26,7 @@ from predplan.control.autoregression import (
     standardise,
     window_moments,
 )
+from predplan.control.bounds import check_number, check_whole
 from predplan.control.filtering import Filtered, filter_trajectories
 from predplan.control.linear_filter import LinearFilter
 from predplan.control.moments import Moments, ridge, second_moments, solve_right
@@ -50,11 +51,10 @@ class InnovationSettings:
     starts: int = 30  # iterations that fit where trajectories start
 
     def __post_init__(self) -> None:
-        for name, least in (("past", 1), ("future", 1), ("dimension", 1), ("refits", 0), ("starts", 0)):
-            if getattr(self, name) < least:
-                raise InputError(f"{name}: found {getattr(self, name)}, expected at least {least}")
-        if not self.lam >= 0.0:
-            raise InputError(f"lam: found {self.lam}, expected a number from 0 on")
+        check_whole(self, "past", "future", "dimension")
+        check_whole(self, "refits", "starts", least=0)
+        check_number(self, "lam", least=0)
+        check_number(self, "beyond", above=0)
 
 
 def suited(task: str, observations: int) -> InnovationSettings:

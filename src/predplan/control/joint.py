@@ -18,6 +18,7 @@ from torch import Tensor
 from predplan.control.adam import Adam
 from predplan.control.adopting import adopt
 from predplan.control.advantages import prepare
+from predplan.control.bounds import check_number, check_whole
 from predplan.control.differentiable import DifferentiableFilter
 from predplan.control.learner import Learner, UpdateReport
 from predplan.control.linear_filter import LinearFilter, gains
@@ -45,13 +46,13 @@ class JointSettings:
     largest_gradient: float = 1.0
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.averaging <= 1.0:
-            raise InputError(f"averaging: found {self.averaging}, expected a share above 0 and up to 1")
-        if min(self.policy, self.prediction) < 0.0 or self.policy + self.prediction == 0.0:
-            raise InputError(f"policy, prediction: found {self.policy}, {self.prediction}, expected weights, not all 0")
-        for name in ("rate", "steps", "largest_gradient"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"{name}: found {getattr(self, name)}, expected a number above 0")
+        check_number(self, "policy", "prediction", least=0)
+        if self.policy + self.prediction == 0.0:
+            raise InputError("policy, prediction: found 0 and 0, expected one at least above 0")
+        check_number(self, "averaging", above=0, most=1)
+        check_number(self, "rate", above=0)
+        check_number(self, "largest_gradient", above=0, finite=False)
+        check_whole(self, "steps")
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,10 @@ class AlternatingSettings:
     joint: JointSettings = JointSettings(policy=0.01, rate=1e-4, steps=5)
     most_divergence: float = 0.03  # KL by which the filter's steps may move the policy
     floor: float = 1e-5  # of the whitening
+
+    def __post_init__(self) -> None:
+        check_number(self, "most_divergence", least=0, finite=False)
+        check_number(self, "floor", above=0, most=1)
 
 
 class Normaliser:

@@ -21,13 +21,13 @@ from scipy.linalg import cho_factor, cho_solve
 
 from predplan.control import cholesky
 from predplan.control.autoregression import hold_last, standardise
+from predplan.control.bounds import check_number, check_whole
 from predplan.control.features import FeatureMap, Features, FeatureSettings, components, fit_features
 from predplan.control.filtering import FilterState, filter_trajectories
 from predplan.control.moments import solve_right
 from predplan.control.tasks import FloatArray, IntArray
 from predplan.control.trajectories import Trajectories, seen
 from predplan.control.windows import Windows, make_windows
-from predplan.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -45,13 +45,9 @@ class KernelSettings:
     beyond: float = 3.0  # states are clipped at so many times the largest of stage 1
 
     def __post_init__(self) -> None:
-        for name in ("past", "future", "dimension", "frequencies"):
-            if getattr(self, name) < 1:
-                raise InputError(f"{name}: found {getattr(self, name)}, expected at least 1")
-        if not self.lam > 0.0:
-            raise InputError(f"lam: found {self.lam}, expected a number above 0")
-        if not 0.0 < self.percentile <= 100.0:
-            raise InputError(f"percentile: found {self.percentile}, expected a number above 0, to 100")
+        check_whole(self, "past", "future", "dimension", "frequencies")
+        check_number(self, "percentile", above=0, most=100)
+        check_number(self, "lam", "beyond", above=0)
 
 
 @dataclass(frozen=True)

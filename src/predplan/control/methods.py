@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
+from predplan.control.bounds import check_number, check_whole
 from predplan.control.innovation import InnovationSettings
 from predplan.control.joint import AlternatingSettings, JointSettings, VRPGSettings
 from predplan.control.networks import NetworkSettings
@@ -29,6 +30,11 @@ class FilterSettings:
     compared: int = 4_000  # rows on which the policies with old and new filter are compared
     most_divergence: float = 0.03  # KL by which a refit may move the policy
 
+    def __post_init__(self) -> None:
+        check_whole(self, "dimension", "refit_every", least=0)
+        check_whole(self, "rows", "gap_rows", "gap_iterations", "compared")
+        check_number(self, "most_divergence", least=0, finite=False)
+
 
 @dataclass(frozen=True)
 class Method:
@@ -42,8 +48,16 @@ class Method:
     floor: float = 1e-5  # share of variance below which directions are not blown up
 
     def __post_init__(self) -> None:
-        if self.window < (0 if self.filter else 1):
-            raise InputError(f"window: found {self.window}, expected at least 1 where there is no predictive state")
+        check_whole(self, "window", least=0)
+        if self.window == 0 and self.filter is None:
+            raise InputError("window: found 0, expected at least 1 where there is no predictive state")
+        check_whole(self, "whitening_rows")
+        check_number(self, "floor", above=0, most=1)
+        if isinstance(self.update, VRPGSettings | AlternatingSettings):
+            told = (self.filter is not None, self.window, self.network.recurrent)
+            if told != (True, 0, 0):
+                found = f"filter {'set' if told[0] else 'None'}, window {told[1]}, recurrent {told[2]}"
+                raise InputError(f"update: gradients go through a policy that is told of a filter alone; found {found}")
 
 
 METHODS = {

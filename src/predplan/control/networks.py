@@ -14,6 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from predplan.control.bounds import check_number, check_whole
 from predplan.control.tasks import IntArray
 from predplan.errors import InputError
 
@@ -30,10 +31,11 @@ class NetworkSettings:
     prediction: float = 0.0  # weight of the error in foretelling the next features; 0: they are not foretold
 
     def __post_init__(self) -> None:
-        if self.recurrent < 0:
-            raise InputError(f"recurrent: found {self.recurrent}, expected 0 or more units")
-        if not all(width > 0 for width in self.hidden):
-            raise InputError(f"hidden: found {self.hidden}, expected widths above 0")
+        if not all(isinstance(width, int) and width > 0 for width in self.hidden):
+            raise InputError(f"hidden: found {self.hidden}, expected widths, whole numbers above 0")
+        check_whole(self, "recurrent", least=0)
+        check_number(self, "log_deviation")
+        check_number(self, "prediction", least=0)
 
 
 class ActorCritic(nn.Module):

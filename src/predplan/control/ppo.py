@@ -11,12 +11,12 @@ from torch import Tensor
 
 from predplan.control.adam import Adam
 from predplan.control.advantages import AdvantageSettings, Lesson, prepare
+from predplan.control.bounds import check_number, check_whole
 from predplan.control.learner import Learner, UpdateReport
 from predplan.control.memories import Arrays
 from predplan.control.networks import ActorCritic, cut, divergence, log_probability
 from predplan.control.pool import Pool
 from predplan.control.sampling import Batch
-from predplan.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,9 @@ class PPOSettings:
     advantages: AdvantageSettings = field(default_factory=AdvantageSettings)
 
     def __post_init__(self) -> None:
-        for name in ("rate", "epochs", "minibatch", "clip", "most_divergence", "largest_gradient"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"{name}: found {getattr(self, name)}, expected a number above 0")
+        check_number(self, "rate", "clip", above=0)
+        check_number(self, "most_divergence", "largest_gradient", above=0, finite=False)
+        check_whole(self, "epochs", "minibatch")
 
 
 class PPO:

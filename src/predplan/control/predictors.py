@@ -16,6 +16,7 @@ from predplan.control.autoregression import (
     standardise,
     window_moments,
 )
+from predplan.control.bounds import check_number, check_whole
 from predplan.control.correction import CorrectionSettings, fit_correction
 from predplan.control.filtering import PredictiveModel
 from predplan.control.innovation import InnovationSettings, fit_innovation
@@ -25,6 +26,7 @@ from predplan.control.recurrent_predictor import RecurrentSettings, train_recurr
 from predplan.control.refinement import RefinementSettings, fit_refined
 from predplan.control.tasks import FloatArray
 from predplan.control.trajectories import Trajectories
+from predplan.errors import InputError
 
 Predict = Callable[[Trajectories, int], FloatArray]
 """Predictions [n, O] of each row from what came up to so many rows before; NaN where there is none."""
@@ -43,6 +45,16 @@ class PredictorSettings:
     lam: float = 1e-8  # of the autoregressions' ridge
     steps: tuple[int, ...] = (1, 5, 10)  # ahead
     least_age: int = 10  # of the rows that are compared
+
+    def __post_init__(self) -> None:
+        for name in ("orders", "steps"):
+            values = getattr(self, name)
+            if not all(isinstance(value, int) and value > 0 for value in values):
+                raise InputError(f"{name}: found {values}, expected whole numbers above 0")
+        check_number(self, "lam", least=0)
+        check_whole(self, "least_age", least=0)
+        if self.correction and not self.refinement:
+            raise InputError("correction: it is of the refined filter; expected refinement as well, found None")
 
 
 def prediction_table(

@@ -17,11 +17,11 @@ import torch
 from torch import Tensor
 
 from predplan.control.autoregression import hold_last, standardise
+from predplan.control.bounds import check_number, check_whole
 from predplan.control.pieces import Pieces, cut
 from predplan.control.refinement import hold_out
 from predplan.control.tasks import FloatArray, IntArray
 from predplan.control.trajectories import Trajectories
-from predplan.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -38,11 +38,10 @@ class RecurrentSettings:
     patience: int = 20  # epochs without a better one until the rate is halved; three times, then it ends
 
     def __post_init__(self) -> None:
-        for name in ("hidden", "epochs", "batch", "rows", "patience"):
-            if getattr(self, name) < 1:
-                raise InputError(f"{name}: found {getattr(self, name)}, expected at least 1")
-        if not (self.rate > 0.0 and self.clip > 0.0):
-            raise InputError(f"rate, clip: found {self.rate}, {self.clip}, expected numbers above 0")
+        check_whole(self, "hidden", "epochs", "batch", "rows", "patience")
+        check_number(self, "rate", above=0)
+        check_number(self, "clip", above=0, finite=False)
+        check_number(self, "share", above=0, below=1)
 
 
 WARM = 10

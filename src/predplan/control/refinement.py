@@ -21,6 +21,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from predplan.control.bounds import check_number, check_whole
 from predplan.control.coordinates import ALL, Coordinates
 from predplan.control.descent import DescentSettings, Step, descend
 from predplan.control.differentiable import LEARNED, filter_rows
@@ -49,11 +50,9 @@ class RefinementSettings:
     descent: DescentSettings = field(default_factory=DescentSettings)
 
     def __post_init__(self) -> None:
-        for name, least in (("epochs", 0), ("rows", 1), ("patience", 1)):
-            if getattr(self, name) < least:
-                raise InputError(f"{name}: found {getattr(self, name)}, expected at least {least}")
-        if not 0.0 < self.share < 1.0:
-            raise InputError(f"share: found {self.share}, expected a share above 0 and below 1")
+        check_whole(self, "rows", "patience")
+        check_whole(self, "epochs", "least_age", least=0)
+        check_number(self, "share", above=0, below=1)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 
 from predplan.artifacts.tensors import read_tensors, write_tensors
+from predplan.control.bounds import check_whole
 from predplan.control.environments import EnvironmentSettings
 from predplan.control.learned import Learned
 from predplan.control.memories import under
@@ -33,6 +34,10 @@ class Order:
     schedule: Schedule
     seed: int
 
+    def __post_init__(self) -> None:
+        find_method(self.method)
+        check_whole(self, "seed", least=0)
+
 
 @dataclass(frozen=True)
 class Run:
@@ -51,6 +56,8 @@ def run(
 
     Raises InputError for an unknown task or method, and where the checkpoint is damaged or of another order.
     """
+    if every < 1:
+        raise InputError(f"every: found {every}, expected at least 1")
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

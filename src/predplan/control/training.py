@@ -16,6 +16,7 @@ import torch
 
 from predplan.control.adopting import adopt, states_at_end
 from predplan.control.autoregression import Standard
+from predplan.control.bounds import check_whole
 from predplan.control.environments import Environments, EnvironmentSettings
 from predplan.control.innovation import InnovationSettings
 from predplan.control.joint import VRPG, Alternating, AlternatingSettings, VRPGSettings
@@ -32,7 +33,7 @@ from predplan.control.sampling import Batch, Episodes, Sampler, replay
 from predplan.control.tasks import FloatArray
 from predplan.control.trpo import TRPO, TRPOSettings
 from predplan.control.whitening import Statistics, Whitening, no_statistics, no_whitening
-from predplan.errors import InputError, PredplanError
+from predplan.errors import PredplanError
 
 
 @dataclass(frozen=True)
@@ -44,9 +45,7 @@ class Schedule:
     length: int = 64  # steps of each in a batch
 
     def __post_init__(self) -> None:
-        for name in ("steps", "copies", "length"):
-            if getattr(self, name) < 1:
-                raise InputError(f"{name}: found {getattr(self, name)}, expected at least 1")
+        check_whole(self, "steps", "copies", "length")
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,13 @@ from torch import Tensor, nn
 
 from predplan.control.adam import Adam
 from predplan.control.advantages import AdvantageSettings, Lesson, prepare
+from predplan.control.bounds import check_number, check_whole
 from predplan.control.learner import Learner, UpdateReport
 from predplan.control.memories import Arrays
 from predplan.control.networks import ActorCritic, divergence, log_probability
 from predplan.control.pool import Pool
 from predplan.control.ppo import pick
 from predplan.control.sampling import Batch
-from predplan.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,9 @@ class TRPOSettings:
     advantages: AdvantageSettings = field(default_factory=AdvantageSettings)
 
     def __post_init__(self) -> None:
-        for name in ("bound", "solver_iterations", "damping", "halvings", "rate", "epochs", "minibatch"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"{name}: found {getattr(self, name)}, expected a number above 0")
+        check_number(self, "bound", "damping", "rate", above=0)
+        check_number(self, "largest_gradient", above=0, finite=False)
+        check_whole(self, "solver_iterations", "halvings", "epochs", "minibatch")
 
 
 class TRPO:
