@@ -159,7 +159,11 @@ def test_groups_hold_every_method() -> None:
     assert {name for _, _, methods in named for name in methods} == set(LEVELS)
     assert named[-1] == ("others", "Other methods", ["rpsp", "new"])
     assert [group[0] for group in groups(["rpsp", "fm2", "fm10", "gru"])] == ["learning"]
-    assert [group[0] for group in groups(["rpsp", "fm1", "fm2", "gru16", "gru32"])] == ["learning", "sizes", "windows"]
+    assert [group[0] for group in groups(["rpsp", "fm1", "fm2", "gru-16", "gru-64"])] == [
+        "learning",
+        "sizes",
+        "windows",
+    ]
 
 
 @pytest.mark.parametrize("seeds", [1, 5])

@@ -96,8 +96,8 @@ def compare_all(runs: Sequence[Row], method: str = OWN) -> list[dict[str, Any]]:
 
 
 def is_baseline(method: str) -> bool:
-    """Whether a method has no predictive state, and is updated as ours: a finite memory (fm2) or a GRU (gru, gru64)."""
-    return re.fullmatch(r"fm\d+|gru\d*", method) is not None
+    """Whether a method has no predictive state and is updated as ours: a finite memory (fm2) or a GRU (gru, gru-64)."""
+    return re.fullmatch(r"fm\d+|gru(-\d+)?", method) is not None
 
 
 def summarise(runs: Sequence[Row]) -> list[dict[str, Any]]:

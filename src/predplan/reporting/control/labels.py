@@ -30,6 +30,9 @@ LABELS = {
     "fm10": "10 observations",
     "fm2-trpo": "2 observations, TRPO",
     "gru": "GRU",
+    "gru-16": "GRU, 16 units",
+    "gru-64": "GRU, 64 units",
+    "gru-128": "GRU, 128 units",
     "gru-trpo": "GRU, TRPO",
     "gru-predictive": "GRU, prediction loss",
 }
@@ -82,7 +85,7 @@ def titled(condition: Condition) -> str:
 def groups(methods: Sequence[str]) -> list[tuple[str, str, list[str]]]:
     """Methods that are drawn together: name, what is compared, methods; the last group has what is in no other."""
     windows = [name for name in methods if re.fullmatch(r"fm\d+", name)]
-    sizes = [name for name in methods if re.fullmatch(r"gru\d*", name)]
+    sizes = [name for name in methods if re.fullmatch(r"gru(-\d+)?", name)]
     found = [
         ("learning", "A predictive state against finite memories and a GRU (Figure 5.5)", _of(MAIN, methods)),
         ("parts", "What the parts of RPSP are worth (Figure 5.8)", _of(PARTS, methods)),

@@ -16,7 +16,7 @@ WITHOUT = "-"
 
 def mean_table(results: ControlResults) -> Table:
     """The table that the thesis refers to and lacks: mean return over training, and the test against the best."""
-    methods = [name for name in results.methods if name in MAIN or is_baseline(name)]
+    methods = [name for name in results.methods if name in MAIN or (is_baseline(name) and _often(results, name))]
     rows: list[tuple[str | Cell, ...]] = []
     before = ""
     for condition in results.conditions:
@@ -179,6 +179,11 @@ def cost_table(results: ControlResults) -> Table:
         "their numbers were not finite. Steps a CPU second: environment steps of the whole training loop, on a machine "
         "that did other work too.",
     )
+
+
+def _often(results: ControlResults, method: str) -> bool:
+    """Whether a method ran in more than one condition."""
+    return sum(results.summary(condition, method) is not None for condition in results.conditions) > 1
 
 
 def _means(results: ControlResults, condition: Condition, methods: Sequence[str]) -> list[str | Cell]:
