@@ -15,11 +15,12 @@ from predplan.control.environments import EnvironmentSettings
 from predplan.control.exploration import degraded
 from predplan.control.innovation import suited
 from predplan.control.kernel_psr import KernelSettings
+from predplan.control.linear_filter import LinearFilter
 from predplan.control.models import save_model
-from predplan.control.predictors import PredictorSettings, prediction_table
+from predplan.control.predictors import PredictorSettings, learn_predictors, prediction_table
 from predplan.control.records import prediction_rows
 from predplan.control.recurrent_predictor import RecurrentSettings
-from predplan.control.refinement import RefinementSettings, fit_refined
+from predplan.control.refinement import RefinementSettings
 from predplan.control.tables import PREDICTION
 from predplan.control.tasks import find_task
 from predplan.control.trajectories import Trajectories, from_steps
@@ -42,25 +43,25 @@ def main(stage: TaskStage) -> None:
 
 
 def learn(condition: ConditionSettings, stage: TaskStage, training: Trajectories, held_out: Trajectories) -> Rows:
-    """Save the condition's filter; rows of errors."""
+    """Save the condition's filter, the refined one where it is compared; rows of errors."""
     task, seed = stage.task, stage.settings.control.seed
     known = find_task(task.task)
     scale = np.array(known.scale) if known else training.observation.std(axis=0)
     variance, truth = training.observation.var(axis=0), held_out.observation
-    noise, losses, learning, comparing = np.random.default_rng(seed).spawn(4)
+    noise, losses, _, learning = np.random.default_rng(seed).spawn(4)
     worse = degraded(training, condition.noise, condition.drop, scale, noise)
     seen = degraded(held_out, condition.noise, condition.drop, scale, losses)
-    innovation = suited(task.task, truth.shape[1])
-    model = fit_refined(worse, innovation, RefinementSettings(), learning).model
-    save_model(folder_of(stage, condition), model)
     settings = PredictorSettings(
-        innovation=innovation,
+        innovation=suited(task.task, truth.shape[1]),
         refinement=RefinementSettings() if "refined" in task.predictors else None,
         kernel=KernelSettings() if "kernel" in task.predictors else None,
         correction=CorrectionSettings() if "corrected" in task.predictors else None,
         recurrent=RecurrentSettings() if "gru" in task.predictors else None,
     )
-    errors = prediction_table(worse, seen, truth, variance, settings, comparing)
+    predictors = list(learn_predictors(worse, settings, learning))
+    filters = [one.model for one in predictors if isinstance(one.model, LinearFilter)]
+    save_model(folder_of(stage, condition), filters[-1])
+    errors = prediction_table(predictors, seen, truth, variance, settings)
     observed = EnvironmentSettings(task.task, condition.noise, condition.drop, scale=tuple(map(float, scale)))
     return prediction_rows(observed, seed, errors)
 

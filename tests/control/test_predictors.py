@@ -7,7 +7,7 @@ from predplan.control.autoregression import fit_autoregression, predict_next, st
 from predplan.control.innovation import InnovationSettings, suited
 from predplan.control.kernel_psr import KernelSettings
 from predplan.control.prediction import PredictionError
-from predplan.control.predictors import PredictorSettings, prediction_table
+from predplan.control.predictors import PredictorSettings, learn_predictors, prediction_table
 from predplan.control.recurrent_predictor import RecurrentSettings
 from predplan.control.refinement import RefinementSettings
 from tests.control.systems import example, simulate
@@ -26,7 +26,8 @@ SETTINGS = PredictorSettings(
 def table(settings: PredictorSettings, drop: float = 0.2) -> list[PredictionError]:
     training, held_out = (simulate(example(), 80, 25, np.random.default_rng(seed), drop) for seed in (1, 2))
     truth = simulate(example(), 80, 25, np.random.default_rng(2)).observation
-    return prediction_table(training, held_out, truth, truth.var(axis=0), settings, np.random.default_rng(3))
+    predictors = list(learn_predictors(training, settings, np.random.default_rng(3)))
+    return prediction_table(predictors, held_out, truth, truth.var(axis=0), settings)
 
 
 def test_every_predictor_has_its_rows_and_the_refined_filter_is_better() -> None:

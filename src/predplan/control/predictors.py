@@ -1,8 +1,8 @@
-"""All predictors on one task's held-out trajectories: the table of prediction errors of one condition."""
+"""All predictors of one condition: learned from a task's exploration, compared on trajectories held out."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -24,12 +24,21 @@ from predplan.control.kernel_psr import KernelSettings, fit_kernel
 from predplan.control.prediction import ORDERS, PredictionError, normalised_error, predict_ahead
 from predplan.control.recurrent_predictor import RecurrentSettings, train_recurrent
 from predplan.control.refinement import RefinementSettings, fit_refined
-from predplan.control.tasks import FloatArray
+from predplan.control.tasks import BoolArray, FloatArray
 from predplan.control.trajectories import Trajectories
 from predplan.errors import InputError
 
 Predict = Callable[[Trajectories, int], FloatArray]
 """Predictions [n, O] of each row from what came up to so many rows before; NaN where there is none."""
+
+
+@dataclass(frozen=True)
+class Predictor:
+    """What was learned to predict."""
+
+    name: str
+    predict: Predict
+    model: PredictiveModel | None = None  # where it is a filter
 
 
 @dataclass(frozen=True)
@@ -58,62 +67,58 @@ class PredictorSettings:
 
 
 def prediction_table(
-    training: Trajectories,
+    predictors: Sequence[Predictor],
     held_out: Trajectories,
     truth: FloatArray,
     variance: FloatArray,
     settings: PredictorSettings,
-    generator: np.random.Generator,
-    progress: Callable[[str], None] | None = None,
 ) -> list[PredictionError]:
-    """Errors of every predictor learned from training, on held_out, both observed alike; progress is told its name.
+    """Errors of every predictor on held_out, which was observed as what they were learned from.
 
     truth [n, O] is what a perfect sensor would have seen of held_out, variance [O] the exploration's. An order above
-    least_age has fewer rows than the others: there the last filter's error on its rows follows, under "... at order K".
+    least_age has fewer rows than the others: there the last predictor's error on its rows follows, under "... at order
+    K".
     """
     errors: list[PredictionError] = []
-    late: list[tuple[str, int, np.ndarray]] = []
-    name, predict = "", _last(training)
-    for name, predict in predictors(training, settings, generator):
-        if progress:
-            progress(name)
+    late: list[tuple[str, int, BoolArray]] = []
+    for one in predictors:
         for ahead in settings.steps:
             rows = held_out.age >= settings.least_age + ahead - 1
-            prediction = predict(held_out, ahead)
+            prediction = one.predict(held_out, ahead)
             there = rows & np.isfinite(prediction).all(axis=1)
             if not there.any():
                 continue
-            errors.append(_error(name, ahead, prediction, truth, there, variance))
+            errors.append(_error(one.name, ahead, prediction, truth, there, variance))
             if there.sum() < rows.sum():
-                late.append((name, ahead, there))
+                late.append((one.name, ahead, there))
+    last = predictors[-1]
     for order, ahead, there in late:
-        errors.append(_error(f"{name} at {order}", ahead, predict(held_out, ahead), truth, there, variance))
+        errors.append(_error(f"{last.name} at {order}", ahead, last.predict(held_out, ahead), truth, there, variance))
     return errors
 
 
-def predictors(
+def learn_predictors(
     training: Trajectories, settings: PredictorSettings, generator: np.random.Generator
-) -> Iterator[tuple[str, Predict]]:
-    """Names and predictors, each learned when it is its turn, with a generator of its own; filters come last."""
+) -> Iterator[Predictor]:
+    """Predictors, each learned when it is its turn, with a generator of its own; filters come last."""
     kernel, recurrent, refinement, correction = generator.spawn(4)
-    yield "last", _last(training)
+    yield Predictor("last", _last(training))
     standard = standardise(training)
     filled = training.with_observation(hold_last(training, standard.shift))
     for order in settings.orders:
         if order < training.lengths.max():
             model = fit_autoregression(*window_moments(filled, order, standard), standard, settings.lam)
-            yield f"order {order}", _regression(model, order)
+            yield Predictor(f"order {order}", _regression(model, order))
     if settings.recurrent:
-        yield "gru", train_recurrent(training, settings.recurrent, recurrent).predict
+        yield Predictor("gru", train_recurrent(training, settings.recurrent, recurrent).predict)
     if settings.kernel:
-        yield "kernel", _filter(fit_kernel(training, settings.kernel, kernel))
-    yield "innovation", _filter(fit_innovation(training, settings.innovation))
+        yield _filter("kernel", fit_kernel(training, settings.kernel, kernel))
+    yield _filter("innovation", fit_innovation(training, settings.innovation))
     if settings.refinement:
-        found = fit_refined(training, settings.innovation, settings.refinement, refinement)
-        yield "innovation refined", _filter(found.model)
+        refined = fit_refined(training, settings.innovation, settings.refinement, refinement).model
+        yield _filter("innovation refined", refined)
         if settings.correction:
-            corrected = fit_correction(found.model, training, settings.correction, correction)
-            yield "innovation corrected", _filter(corrected)
+            yield _filter("innovation corrected", fit_correction(refined, training, settings.correction, correction))
 
 
 def _last(training: Trajectories) -> Predict:
@@ -138,11 +143,11 @@ def _regression(model: Autoregression, order: int) -> Predict:
     return predict
 
 
-def _filter(model: PredictiveModel) -> Predict:
-    return partial(predict_ahead, model)
+def _filter(name: str, model: PredictiveModel) -> Predictor:
+    return Predictor(name, partial(predict_ahead, model), model)
 
 
 def _error(
-    name: str, ahead: int, prediction: FloatArray, truth: FloatArray, rows: np.ndarray, variance: FloatArray
+    name: str, ahead: int, prediction: FloatArray, truth: FloatArray, rows: BoolArray, variance: FloatArray
 ) -> PredictionError:
     return PredictionError(name, ahead, normalised_error(prediction, truth, rows, variance), int(rows.sum()))
