@@ -26,7 +26,10 @@ class Known:
 def learn_filter(
     trajectories: Trajectories, settings: InnovationSettings, known: Known | None, iterations: int
 ) -> tuple[LinearFilter, Known]:
-    """The innovation form of these trajectories. Where observations are lost, iterations of maximisation go on."""
+    """The innovation form of these trajectories. Where observations are lost, iterations of maximisation go on.
+
+    Its state has settings.dimension numbers, whatever the trajectories tell.
+    """
     past = fitting_past(trajectories, settings.past)
     settings = replace(settings, past=past)
     standard = known.standard if known else standardise(trajectories)
@@ -34,7 +37,8 @@ def learn_filter(
     layout, moments = window_moments(trajectories, past, standard, iterations if begin else 100, begin)
     basis = fit_basis(layout, moments, standard, settings)
     model = fit_in_basis(basis, moments, trajectories, settings)
-    return as_expectations(model, settings.future), Known(standard, past, moments)
+    model = widened(as_expectations(model, settings.future), settings.dimension)
+    return model, Known(standard, past, moments)
 
 
 def as_expectations(model: LinearFilter, future: int, worst: float = 1e5) -> LinearFilter:
@@ -60,6 +64,26 @@ def as_expectations(model: LinearFilter, future: int, worst: float = 1e5) -> Lin
         initial_mean=T @ model.initial_mean,
         initial_covariance=T @ model.initial_covariance @ T.T,
         limit=float(model.limit * values[0]),
+    )
+
+
+def widened(model: LinearFilter, dimension: int) -> LinearFilter:
+    """The same filter with a state of so many numbers, the last of which are 0 and stay so.
+
+    A future that is foretold by fewer numbers gives a basis of fewer; a policy's network has one width for all of them.
+    """
+    more = dimension - model.state_size
+    if more <= 0:
+        return model
+    return replace(
+        model,
+        A=np.pad(model.A, (0, more)),
+        B=np.pad(model.B, ((0, more), (0, 0))),
+        c=np.pad(model.c, (0, more)),
+        K=np.pad(model.K, ((0, more), (0, 0))),
+        C=np.pad(model.C, ((0, 0), (0, more))),
+        initial_mean=np.pad(model.initial_mean, (0, more)),
+        initial_covariance=np.pad(model.initial_covariance, (0, more)),
     )
 
 
