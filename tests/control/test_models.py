@@ -7,6 +7,7 @@ import pytest
 from safetensors.numpy import load_file, save
 
 from predplan.artifacts.files import read_json, write_json
+from predplan.control.correction import CorrectionSettings, fit_correction
 from predplan.control.filtering import filter_trajectories
 from predplan.control.innovation import InnovationSettings, fit_innovation
 from predplan.control.kernel_psr import KernelSettings, fit_kernel
@@ -48,6 +49,15 @@ def test_saving_again_replaces_and_gives_the_same_bytes(tmp_path: Path, linear: 
     first = [(tmp_path / name).read_bytes() for name in (ARRAYS, SHEET)]
     save_model(tmp_path, linear)
     assert first == [(tmp_path / name).read_bytes() for name in (ARRAYS, SHEET)]
+
+
+def test_a_correction_is_refused_and_what_is_there_stays(tmp_path: Path, linear: LinearFilter) -> None:
+    save_model(tmp_path, linear)
+    before = (tmp_path / SHEET).read_bytes()
+    corrected = fit_correction(linear, DATA, CorrectionSettings(frequencies=10), np.random.default_rng(2))
+    with pytest.raises(InputError, match="model: found a CorrectedFilter, expected a LinearFilter or a KernelFilter"):
+        save_model(tmp_path, corrected)  # type: ignore[arg-type]
+    assert (tmp_path / SHEET).read_bytes() == before
 
 
 @pytest.mark.parametrize("cut", [0, 5, 100, -1])

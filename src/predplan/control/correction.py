@@ -45,7 +45,7 @@ class CorrectionSettings:
 
 @dataclass(frozen=True)
 class CorrectedFilter:
-    """A linear filter that predicts with a correction."""
+    """A linear filter that predicts with a correction. It is there to be compared: files (`models`) do not take it."""
 
     linear: LinearFilter
     shift: FloatArray  # [p + A] of (q, a)

@@ -49,8 +49,11 @@ SCALARS = {"linear": ("limit",), "kernel": ("lam", "limit")}
 def save_model(folder: Path, model: LinearFilter | KernelFilter) -> None:
     """Write the model into the folder, which is made if it is missing; other files there stay.
 
-    Raises InputError for a model that could not be read back.
+    Raises InputError for a model that could not be read back, and for a CorrectedFilter: corrections are compared with
+    other predictors, no policy has one, and `fit_correction` learns one in seconds.
     """
+    if not isinstance(model, LinearFilter | KernelFilter):
+        raise InputError(f"model: found a {type(model).__name__}, expected a LinearFilter or a KernelFilter")
     kind = "linear" if isinstance(model, LinearFilter) else "kernel"
     arrays = _take_apart(kind, model)
     scalars = {name: float(getattr(model, name)) for name in SCALARS[kind]}
