@@ -213,6 +213,19 @@ def test_steps_to_a_filter_that_is_not_stable_are_not_kept() -> None:
     assert all(torch.equal(one, other) for one, other in zip(learner.network.parameters(), before, strict=True))
 
 
+def test_the_policy_does_not_move_with_a_filter_that_is_not_kept() -> None:
+    learner, batch, pool = taught(CARTPOLE)
+    lesson = prepare(batch, learner.network, learner.whitening, AdvantageSettings())
+    joint = Joint(learner, JointSettings(rate=3.0, steps=1), with_policy=True)
+    before = [one.detach().clone() for one in learner.network.parameters()]
+    model, skipped = joint.steps(learner, batch, pool, lesson.drawn, lesson.advantage)
+    assert (model, skipped) == (learner.model, 1)
+    assert all(torch.equal(one, other) for one, other in zip(learner.network.parameters(), before, strict=True))
+    gentle = Joint(learner, JointSettings(rate=1e-4, steps=1), with_policy=True)
+    assert gentle.steps(learner, batch, pool, lesson.drawn, lesson.advantage)[1] == 0
+    assert not all(torch.equal(one, other) for one, other in zip(learner.network.parameters(), before, strict=True))
+
+
 def test_stability_is_of_errors_not_of_the_system() -> None:
     model = exact_filter(example())
     assert stable(model)

@@ -108,16 +108,18 @@ class Joint:
             raise PredplanError("joint updates need a predictive state")
         self._settings = settings
         self.filter = DifferentiableFilter(learner.model)
-        parts = [self.filter, learner.network.actor] if with_policy else [self.filter]
-        modules = torch.nn.ModuleList(parts)
+        self._parts = torch.nn.ModuleList([self.filter, learner.network.actor] if with_policy else [self.filter])
         if with_policy:
-            modules.register_parameter("log_deviation", learner.network.log_deviation)
-        self._adam, self._normaliser = Adam(modules, settings.rate), Normaliser(settings.averaging)
+            self._parts.register_parameter("log_deviation", learner.network.log_deviation)
+        self._adam, self._normaliser = Adam(self._parts, settings.rate), Normaliser(settings.averaging)
 
     def steps(
         self, learner: Learner, batch: Batch, history: Pool, drawn: Tensor, advantage: Tensor
     ) -> tuple[LinearFilter, int]:
-        """The model after the settings' steps, and how many were skipped; a filter that is not stable is not kept."""
+        """The model after the settings' steps, and how many were skipped.
+
+        A step to a filter that is not stable is taken back, the policy's part too: it was meant for that filter.
+        """
         assert learner.model is not None
         self.filter.load_state_dict(DifferentiableFilter(learner.model).state_dict())
         self.filter.limit = learner.model.limit
@@ -128,10 +130,11 @@ class Joint:
             first, second = self._adam.gradient(policy_loss), self._adam.gradient(prediction_loss)
             scales = self._normaliser(first, second)
             total = self._settings.policy * scales[0] * first + self._settings.prediction * scales[1] * second
+            kept = {name: one.clone() for name, one in self._parts.state_dict().items()}
             moved = self._adam.follow(total, self._settings.largest_gradient)
             changed = self.filter.to_model(model)
             if not (moved and stable(changed)):
-                self.filter.load_state_dict(DifferentiableFilter(model).state_dict())
+                self._parts.load_state_dict(kept)
                 skipped += 1
                 continue
             model = changed
