@@ -110,7 +110,8 @@ BAD: dict[type, dict[str, tuple[Any, ...]]] = {
     Schedule: dict.fromkeys(("steps", "copies", "length"), COUNT),
     TRPOSettings: {
         **dict.fromkeys(("bound", "damping", "rate"), POSITIVE),
-        **dict.fromkeys(("solver_iterations", "halvings", "epochs", "minibatch"), COUNT),
+        **dict.fromkeys(("solver_iterations", "tries", "epochs", "minibatch"), COUNT),
+        "shorter": SHARE,
         "largest_gradient": LIMIT,
     },
 }
