@@ -181,7 +181,7 @@ def test_gradients_need_a_filter_to_go_through(update: VRPGSettings | Alternatin
         {"filter": FilterSettings(), "window": 0, "network": NetworkSettings(recurrent=8)},
     ):
         with pytest.raises(InputError, match="update: gradients go through a policy that is told of a filter alone"):
-            Method(update=update, **bad)  # type: ignore[arg-type]
+            Method(update=update, **bad)
 
 
 def test_unlimited_is_a_limit() -> None:

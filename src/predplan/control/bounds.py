@@ -35,14 +35,14 @@ def check_number(
     bounds = " and ".join(f"{words} {bound:g}" for words, bound in told if bound is not None)
     for name in names:
         value = getattr(settings, name)
+        number = float(value) if isinstance(value, Real) else math.nan
         fits = (
-            isinstance(value, Real)
-            and not math.isnan(value)
-            and not (finite and math.isinf(value))
-            and (above is None or value > above)
-            and (least is None or value >= least)
-            and (below is None or value < below)
-            and (most is None or value <= most)
+            not math.isnan(number)
+            and not (finite and math.isinf(number))
+            and (above is None or number > above)
+            and (least is None or number >= least)
+            and (below is None or number < below)
+            and (most is None or number <= most)
         )
         if not fits:
             raise InputError(f"{name}: found {value!r}, expected a number {bounds}".rstrip())

@@ -256,7 +256,8 @@ class Training:
     def _predictive_size(self) -> int:
         assert self.method.filter is not None
         o, actions = self.environments.observation_size, self.environments.action_size
-        return self._innovation(self.method.filter).dimension + self.method.window * (o + 1 + actions)
+        size: int = self._innovation(self.method.filter).dimension + self.method.window * (o + 1 + actions)
+        return size
 
     def _innovation(self, settings: FilterSettings) -> InnovationSettings:
         dimension = settings.dimension or 2 * self.environments.observation_size
