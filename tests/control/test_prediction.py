@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from predplan.control.filtering import filter_trajectories
-from predplan.control.innovation import InnovationSettings, fit_innovation
-from predplan.control.prediction import baseline_errors, filter_errors, predict_ahead
+from predplan.control.innovation import InnovationSettings
+from predplan.control.prediction import predict_ahead
+from predplan.control.predictors import PredictorSettings, learn_predictors, prediction_table
 from tests.control.systems import exact_filter, example, simulate
 
 
@@ -29,11 +30,21 @@ def test_a_learned_filter_beats_every_autoregression_on_a_noisy_system(drop: flo
     system = example()
     training, held_out = (simulate(system, 200, 50, np.random.default_rng(seed), drop) for seed in (1, 2))
     truth = simulate(system, 200, 50, np.random.default_rng(2)).observation
-    variance = truth.var(axis=0)
-    errors = baseline_errors(training, held_out, truth, variance)
-    model = fit_innovation(training, InnovationSettings(past=15, future=8, dimension=3))
-    found = filter_errors("learned", model, held_out, truth, variance, (1, 3))
-    assert [one.predictor for one in errors] == ["last", *(f"order {order}" for order in (1, 2, 5, 10, 20))]
-    assert found[0].error < min(one.error for one in errors)
-    assert found[1].error > found[0].error
-    assert found[0].rows == errors[0].rows
+    settings = PredictorSettings(
+        innovation=InnovationSettings(past=15, future=8, dimension=3),
+        refinement=None,
+        correction=None,
+        kernel=None,
+        recurrent=None,
+        steps=(1, 3),
+    )
+    predictors = list(learn_predictors(training, settings, np.random.default_rng(3)))
+    errors = {
+        (one.predictor, one.steps): one
+        for one in prediction_table(predictors, held_out, truth, truth.var(axis=0), settings)
+    }
+    names = ["last", *(f"order {order}" for order in (1, 2, 5, 10, 20)), "innovation"]
+    assert [one.name for one in predictors] == names
+    assert errors["innovation", 1].error < min(errors[name, 1].error for name in names[:-1])
+    assert errors["innovation", 3].error > errors["innovation", 1].error
+    assert errors["innovation", 1].rows == errors["last", 1].rows

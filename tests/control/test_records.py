@@ -75,10 +75,8 @@ def test_no_episode_ended() -> None:
 
 
 def test_tables_take_the_rows(tmp_path: Path) -> None:
-    errors = prediction_rows(
-        EnvironmentSettings("hopper"), 3, [PredictionError("linear", 5, 0.1, 9)], {"linear": "rpsp"}
-    )
-    assert errors[0]["predictor"] == "rpsp"
+    errors = prediction_rows(EnvironmentSettings("hopper"), 3, [PredictionError("linear", 5, 0.1, 9)])
+    assert (errors[0]["predictor"], errors[0]["task"]) == ("linear", "hopper")
     for schema, rows in ((LEARNING, learning_rows(made_run())), (RUNS, [run_row(made_run())]), (PREDICTION, errors)):
         write_rows(tmp_path / "a.parquet", schema, rows, Provenance())
         assert read_rows(tmp_path / "a.parquet", schema) == rows

@@ -53,11 +53,12 @@ class Held:
         return self.state[rows].copy() if self._predicts else np.full_like(self.state[rows], np.nan)
 
 
-def made_rollouts(task: str, episodes: int = 3, predicts: bool = True, longest: int | None = 40) -> Rollouts:
-    settings = EnvironmentSettings(task, noise=0.1 if task != "Reacher-v5" else 0.0, drop=0.2, threads=1)
+def made_rollouts(task: str, episodes: int = 3, predicts: bool = True, horizon: int | None = 40) -> Rollouts:
+    noise = 0.1 if task != "Reacher-v5" else 0.0
+    settings = EnvironmentSettings(task, noise=noise, drop=0.2, horizon=horizon, threads=1)
     with Environments(settings, 2, np.random.default_rng(0)) as environments:
         actor: Actor = Held(environments, predicts)
-        return record(environments, actor, episodes, longest)
+        return record(environments, actor, episodes)
 
 
 @pytest.mark.parametrize("task", ["cartpole", "swimmer", "hopper", "walker2d", "Reacher-v5"])
@@ -81,7 +82,7 @@ def test_what_is_recorded_belongs_together(task: str) -> None:
 
 
 def test_recorded_positions_are_gymnasiums() -> None:
-    found = made_rollouts("hopper", episodes=1, longest=None)
+    found = made_rollouts("hopper", episodes=1, horizon=None)
     peer = gymnasium.make("Hopper-v5").unwrapped
     model, data = peer.model, peer.data  # type: ignore[attr-defined]
     assert found.configuration.shape[1] == model.nq

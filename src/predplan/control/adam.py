@@ -12,12 +12,15 @@ from torch import Tensor, nn
 
 from predplan.control.memories import Arrays
 
+BETAS = (0.9, 0.999)
+"""Shares of both averages that a step keeps, as published."""
+
 
 class Adam:
     """Averages of the gradient and of its square."""
 
-    def __init__(self, module: nn.Module, rate: float, betas: tuple[float, float] = (0.9, 0.999)) -> None:
-        self.rate, self._betas = rate, betas
+    def __init__(self, module: nn.Module, rate: float) -> None:
+        self.rate = rate
         self._parameters = [one for one in module.parameters() if one.requires_grad]
         size = sum(one.numel() for one in self._parameters)
         self._first, self._second, self._count = torch.zeros(size), torch.zeros(size), 0
@@ -42,7 +45,7 @@ class Adam:
             return False
         gradient = gradient * min(1.0, largest / max(norm, 1e-12))
         self._count += 1
-        first, second = self._betas
+        first, second = BETAS
         self._first.mul_(first).add_(gradient, alpha=1.0 - first)
         self._second.mul_(second).addcmul_(gradient, gradient, value=1.0 - second)
         rate = self.rate / (1.0 - first**self._count)

@@ -86,28 +86,6 @@ def fit_innovation(trajectories: Trajectories, settings: InnovationSettings) -> 
     return fit_in_basis(basis, moments, trajectories, settings)
 
 
-def refit(
-    basis: Basis,
-    trajectories: Trajectories,
-    settings: InnovationSettings,
-    known: Moments | None = None,
-    iterations: int = 100,
-) -> tuple[LinearFilter, Moments]:
-    """Learn the filter anew from other trajectories, states meaning what they did; the windows' moments, too.
-
-    Where observations are missing, moments are found from those known in so many iterations. Raises InputError as
-    `fit_innovation`.
-    """
-    _, moments = window_moments(trajectories, settings.past, basis.standard, iterations, known)
-    return fit_in_basis(basis, moments, trajectories, settings), moments
-
-
-def learn_basis(trajectories: Trajectories, settings: InnovationSettings) -> Basis:
-    """What states are to mean, from stage 1. Raises InputError as `fit_innovation`."""
-    standard = standardise(trajectories)
-    return fit_basis(*window_moments(trajectories, settings.past, standard), standard, settings)
-
-
 def fit_basis(layout: Layout, moments: Moments, standard: Standard, settings: InnovationSettings) -> Basis:
     """Stage 1: the expected future given the past, in whitened canonical variates.
 

@@ -21,7 +21,7 @@ from predplan.control.correction import CorrectionSettings, fit_correction
 from predplan.control.filtering import PredictiveModel
 from predplan.control.innovation import InnovationSettings, fit_innovation
 from predplan.control.kernel_psr import KernelSettings, fit_kernel
-from predplan.control.prediction import ORDERS, PredictionError, normalised_error, predict_ahead
+from predplan.control.prediction import PredictionError, normalised_error, predict_ahead
 from predplan.control.recurrent_predictor import RecurrentSettings, train_recurrent
 from predplan.control.refinement import RefinementSettings, fit_refined
 from predplan.control.tasks import BoolArray, FloatArray
@@ -50,7 +50,7 @@ class PredictorSettings:
     kernel: KernelSettings | None = field(default_factory=KernelSettings)
     correction: CorrectionSettings | None = field(default_factory=CorrectionSettings)  # of the refined filter
     recurrent: RecurrentSettings | None = field(default_factory=RecurrentSettings)
-    orders: tuple[int, ...] = ORDERS
+    orders: tuple[int, ...] = (1, 2, 5, 10, 20)  # of autoregressions
     lam: float = 1e-8  # of the autoregressions' ridge
     steps: tuple[int, ...] = (1, 5, 10)  # ahead
     least_age: int = 10  # of the rows that are compared

@@ -51,15 +51,13 @@ def run_row(run: Run) -> dict[str, Any]:
     }
 
 
-def prediction_rows(
-    task: EnvironmentSettings, seed: int, errors: Sequence[PredictionError], names: dict[str, str] | None = None
-) -> list[dict[str, Any]]:
-    """A row for each error; names: other ones for predictors."""
+def prediction_rows(task: EnvironmentSettings, seed: int, errors: Sequence[PredictionError]) -> list[dict[str, Any]]:
+    """A row for each error."""
     return [
         {
             **_condition(task),
             "seed": seed,
-            "predictor": (names or {}).get(one.predictor, one.predictor),
+            "predictor": one.predictor,
             "steps": one.steps,
             "error": one.error,
             "rows": one.rows,

@@ -9,7 +9,6 @@ trajectories, halving its rate and stopping where it no longer improves on traje
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -115,15 +114,14 @@ def train_recurrent(
     trajectories: Trajectories,
     settings: RecurrentSettings,
     generator: np.random.Generator,
-    progress: Callable[[int, float], None] | None = None,
 ) -> RecurrentPredictor:
-    """Train the GRU; progress is told each epoch and its error on what is held out. Raises InputError as `hold_out`."""
+    """Train the GRU. Raises InputError as `hold_out`."""
     training, held_out = hold_out(trajectories, settings.share, generator)
     model = _fresh(training, settings, generator)
     learning, judging = (_batch(model, one, settings.rows) for one in (training, held_out))
     optimiser = torch.optim.Adam(model.parameters(), settings.rate)
     best, lowest, waited, halved = _copy(model), np.inf, 0, 0
-    for epoch in range(settings.epochs):
+    for _ in range(settings.epochs):
         order = generator.permutation(learning.held.shape[1])
         for chosen in np.array_split(order, -(-len(order) // settings.batch)):
             loss = learning.take(chosen).loss(model)
@@ -134,8 +132,6 @@ def train_recurrent(
                 optimiser.step()
         with torch.no_grad():
             error = float(judging.loss(model))
-        if progress:
-            progress(epoch, error)
         waited += 1
         if error < lowest:
             best, lowest, waited = _copy(model), error, 0

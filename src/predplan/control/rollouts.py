@@ -71,33 +71,27 @@ class Evaluation:
         return mean_and_error(self.returns)[1]
 
 
-def play(environments: Environments, actor: Actor, rows: IntArray, longest: int | None = None) -> Iterator[Moment]:
-    """One episode of each copy in rows, from reset to end; longest: steps after which an episode is cut off."""
+def play(environments: Environments, actor: Actor, rows: IntArray) -> Iterator[Moment]:
+    """One episode of each copy in rows, from reset to end."""
     outcome = environments.reset(rows)
     actor.reset(rows, outcome.observation)
     nothing = np.full_like(outcome.observation, np.nan)
     yield Moment(rows, np.zeros((len(rows), environments.action_size)), nothing, outcome)
-    steps = 0
     while len(rows):
         action = np.clip(actor.act(rows), -1.0, 1.0)
         prediction = actor.predict(rows, action)
         outcome = environments.step(action, rows)
         actor.observe(rows, action, outcome.observation)
-        steps += 1
-        if steps == longest:
-            outcome = Outcome(
-                outcome.observation, outcome.position, outcome.reward, outcome.terminated, ~outcome.terminated
-            )
         yield Moment(rows, action, prediction, outcome)
         rows = rows[~(outcome.terminated | outcome.truncated)]
 
 
-def record(environments: Environments, actor: Actor, episodes: int, longest: int | None = None) -> Rollouts:
+def record(environments: Environments, actor: Actor, episodes: int) -> Rollouts:
     """That many episodes, as many side by side as there are copies, all of them to their ends."""
     positions = slice(1, 1 + task_model(environments.settings.task).nq)  # time comes first
     parts: list[dict[str, NDArray[Any]]] = []
     for begun, rows in _rounds(environments, episodes):
-        for moment in play(environments, actor, rows, longest):
+        for moment in play(environments, actor, rows):
             outcome = moment.outcome
             parts.append(
                 {
