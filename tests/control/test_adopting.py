@@ -8,7 +8,7 @@ from predplan.control.adopting import adopt, states_at_end
 from predplan.control.advantages import whitened
 from predplan.control.filtering import filter_trajectories
 from predplan.control.learner import Learner
-from predplan.control.linear_filter import LinearFilter
+from predplan.control.linear_filter import LinearFilter, turned
 from predplan.control.memories import predictive_features
 from predplan.control.trajectories import Trajectories
 from predplan.control.whitening import no_statistics, no_whitening
@@ -43,20 +43,9 @@ def outputs(learner: Learner, data: Trajectories, window: int) -> tuple[torch.Te
         return network.actor(known), network.values(known)
 
 
-def turned(model: LinearFilter, seed: int = 3) -> LinearFilter:
-    """The same filter in another basis."""
-    T = np.random.default_rng(seed).standard_normal((3, 3)) + 2.0 * np.eye(3)
-    back = np.linalg.inv(T)
-    return replace(
-        model,
-        A=T @ model.A @ back,
-        B=T @ model.B,
-        c=T @ model.c,
-        K=T @ model.K,
-        C=model.C @ back,
-        initial_mean=T @ model.initial_mean,
-        initial_covariance=T @ model.initial_covariance @ T.T,
-    )
+def in_another_basis(model: LinearFilter, seed: int = 3) -> LinearFilter:
+    """The same filter."""
+    return turned(model, np.random.default_rng(seed).standard_normal((3, 3)) + 2.0 * np.eye(3))
 
 
 @pytest.mark.parametrize("window", [0, 1, 2])
@@ -69,7 +58,7 @@ def test_the_same_filter_in_another_basis_leaves_the_policy_what_it_was(
     learner = learner_of(window, recurrent, data)
     model = learner.model
     assert model is not None
-    before, other = outputs(learner, data, window), turned(model)
+    before, other = outputs(learner, data, window), in_another_basis(model)
     adoption = adopt(learner, other, data, window, CENTRE, 1e-3, 1e-6)
     assert adoption.accepted
     assert adoption.divergence < 1e-5

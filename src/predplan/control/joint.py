@@ -21,7 +21,7 @@ from predplan.control.advantages import prepare
 from predplan.control.bounds import check_number, check_whole
 from predplan.control.differentiable import DifferentiableFilter
 from predplan.control.learner import Learner, UpdateReport
-from predplan.control.linear_filter import LinearFilter, gains
+from predplan.control.linear_filter import LinearFilter, gains, radius
 from predplan.control.memories import Arrays, under
 from predplan.control.networks import divergence, log_probability
 from predplan.control.pool import Pool
@@ -133,7 +133,7 @@ class Joint:
             kept = {name: one.clone() for name, one in self._parts.state_dict().items()}
             moved = self._adam.follow(total, self._settings.largest_gradient)
             changed = self.filter.to_model(model)
-            if not (moved and stable(changed)):
+            if not (moved and radius(changed) < 1.0):
                 self._parts.load_state_dict(kept)
                 skipped += 1
                 continue
@@ -271,9 +271,3 @@ def whiten_states(states: Tensor, whitening: Whitening, size: int) -> Tensor:
         raise PredplanError(f"joint updates: the policy is told of {len(whitening.mean)} numbers, the state has {size}")
     white = (states - torch.from_numpy(whitening.mean)) @ torch.from_numpy(whitening.matrix).T
     return white.clamp(-10.0, 10.0).float()
-
-
-def stable(model: LinearFilter) -> bool:
-    """Whether errors of the state die away: the spectral radius of A - K C is below 1."""
-    closed = model.A - model.K @ model.C
-    return bool(np.isfinite(closed).all() and np.abs(np.linalg.eigvals(closed)).max() < 1.0)

@@ -16,7 +16,7 @@ noise covariances of the unknown system need to be told apart.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -89,6 +89,27 @@ class LinearFilter:
         bound = np.array([self.limit])
         arrays = (self.A, self.B, self.c, self.K, self.C, self.D, self.d, self.S, bound)
         return tuple(np.ascontiguousarray(one, np.float64) for one in arrays)
+
+
+def turned(model: LinearFilter, T: FloatArray) -> LinearFilter:
+    """The same filter, its states T q, T [p, p] regular. Its limit stays, though of |q|: that of |T q| is the caller's."""
+    back = np.linalg.inv(T)
+    return replace(
+        model,
+        A=T @ model.A @ back,
+        B=T @ model.B,
+        c=T @ model.c,
+        K=T @ model.K,
+        C=model.C @ back,
+        initial_mean=T @ model.initial_mean,
+        initial_covariance=T @ model.initial_covariance @ T.T,
+    )
+
+
+def radius(model: LinearFilter) -> float:
+    """Spectral radius of A - K C: errors of the state die away below 1. Infinite, if a number is not finite."""
+    closed = model.A - model.K @ model.C
+    return float(np.abs(np.linalg.eigvals(closed)).max()) if np.isfinite(closed).all() else np.inf
 
 
 def gains(model: LinearFilter, trajectories: Trajectories) -> FloatArray:

@@ -13,7 +13,7 @@ radius of A - K C from 1 on), is rejected and counted.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import islice
 
@@ -27,7 +27,7 @@ from predplan.control.descent import DescentSettings, Step, descend
 from predplan.control.differentiable import LEARNED, filter_rows
 from predplan.control.filtering import filter_trajectories
 from predplan.control.innovation import InnovationSettings, fit_innovation
-from predplan.control.linear_filter import LinearFilter
+from predplan.control.linear_filter import LinearFilter, radius
 from predplan.control.pieces import cut
 from predplan.control.riccati import differentiable_gains
 from predplan.control.tasks import BoolArray
@@ -80,15 +80,11 @@ class Refinement:
         return sum(epoch.rejected for epoch in self.curve)
 
 
-Report = Callable[[Epoch], None]
-
-
 def refine(
     model: LinearFilter,
     trajectories: Trajectories,
     settings: RefinementSettings,
     generator: np.random.Generator,
-    progress: Report | None = None,
 ) -> Refinement:
     """The filter of the epoch that predicts best what was held out, the start among them.
 
@@ -96,7 +92,7 @@ def refine(
     Raises InputError for fewer than two trajectories.
     """
     training, held_out = hold_out(trajectories, settings.share, generator)
-    return _refine(model, training, held_out, settings, progress)
+    return _refine(model, training, held_out, settings)
 
 
 def fit_refined(
@@ -104,7 +100,6 @@ def fit_refined(
     innovation: InnovationSettings,
     settings: RefinementSettings,
     generator: np.random.Generator,
-    progress: Report | None = None,
 ) -> Refinement:
     """Learn by regression and refine, with all trajectories in the end.
 
@@ -113,7 +108,7 @@ def fit_refined(
     Raises InputError as `fit_innovation` and `refine`.
     """
     training, held_out = hold_out(trajectories, settings.share, generator)
-    found = _refine(fit_innovation(training, innovation), training, held_out, settings, progress)
+    found = _refine(fit_innovation(training, innovation), training, held_out, settings)
     start = fit_innovation(trajectories, innovation)
     models = [start, *(model for model, _ in islice(_epochs(start, trajectories, settings), found.best))]
     return replace(found, model=_Loss(start, trajectories, settings).sized(models[-1]))
@@ -135,7 +130,6 @@ def _refine(
     training: Trajectories,
     held_out: Trajectories,
     settings: RefinementSettings,
-    progress: Report | None,
 ) -> Refinement:
     judge = _Loss(model, held_out, settings)
     start = judge.of(model)
@@ -143,8 +137,6 @@ def _refine(
     for number, (candidate, step) in enumerate(_epochs(model, training, settings), 1):
         epoch = Epoch(number, step.value, judge.of(candidate) / start, step.slope, step.undefined)
         curve.append(epoch)
-        if progress:
-            progress(epoch)
         if epoch.validation < lowest:
             best, lowest, model = number, epoch.validation, candidate
         if number - best >= settings.patience:
@@ -183,12 +175,6 @@ def _epochs(
         if number % SAME_STARTS == 0 and loss.go_on_from(model):
             known.clear()
         yield model, step
-
-
-def radius(model: LinearFilter) -> float:
-    """Spectral radius of A - K C: how slowly the filter forgets its start. Infinite, if a number is not finite."""
-    closed = model.A - model.K @ model.C
-    return float(np.abs(np.linalg.eigvals(closed)).max()) if np.isfinite(closed).all() else np.inf
 
 
 class _Loss:

@@ -8,7 +8,7 @@ import numpy as np
 
 from predplan.control.autoregression import Standard, standardise, window_moments
 from predplan.control.innovation import InnovationSettings, fit_basis, fit_in_basis
-from predplan.control.linear_filter import LinearFilter
+from predplan.control.linear_filter import LinearFilter, turned
 from predplan.control.moments import Moments
 from predplan.control.trajectories import Trajectories
 from predplan.errors import InputError
@@ -53,18 +53,7 @@ def as_expectations(model: LinearFilter, future: int, worst: float = 1e5) -> Lin
     values = np.linalg.svd(T, compute_uv=False)
     if not values[-1] * worst > values[0]:
         return model
-    back = np.linalg.inv(T)
-    return replace(
-        model,
-        A=T @ model.A @ back,
-        B=T @ model.B,
-        c=T @ model.c,
-        K=T @ model.K,
-        C=model.C @ back,
-        initial_mean=T @ model.initial_mean,
-        initial_covariance=T @ model.initial_covariance @ T.T,
-        limit=float(model.limit * values[0]),
-    )
+    return replace(turned(model, T), limit=float(model.limit * values[0]))
 
 
 def widened(model: LinearFilter, dimension: int) -> LinearFilter:

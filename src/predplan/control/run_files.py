@@ -11,12 +11,10 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 
 from predplan.artifacts.provenance import Provenance
 from predplan.artifacts.tables import read_rows, write_rows
-from predplan.control.methods import find_method
 from predplan.control.policy_files import save_policy
 from predplan.control.records import learning_rows, run_row
 from predplan.control.running import Order, Run, run
@@ -36,18 +34,13 @@ def run_into(folder: Path, order: Order, every: int = 20, report: Callable[[Prog
     if there.exists() and not there.is_dir():
         raise InputError(f"{there} is a file; expected a folder to write to")
     found = run(order, folder / CHECKPOINT, every, report)
-    provenance = Provenance(_params(order), order.seed)
+    params = {name: value for name, value in order.sheet().items() if name in ("task", "method", "schedule")}
+    provenance = Provenance(params, order.seed)
     write_rows(folder / CURVE, LEARNING, learning_rows(found), provenance)
     if found.reason == FINISHED:
         save_policy(folder, found.learned)
     write_rows(folder / ROW, RUNS, [run_row(found)], provenance)
     return found
-
-
-def _params(order: Order) -> dict[str, object]:
-    """Plain data; threads change nothing that is learned."""
-    task = {name: value for name, value in asdict(order.task).items() if name != "threads"}
-    return {"task": task, "method": order.method, "schedule": asdict(order.schedule)}
 
 
 def finished_rows(folder: Path, order: Order, every: int = 20) -> tuple[list[Row], Row]:
@@ -64,6 +57,6 @@ def finished_rows(folder: Path, order: Order, every: int = 20) -> tuple[list[Row
 
 def run_name(order: Order) -> str:
     """A folder's name for the run: another one wherever anything that was ordered is another."""
-    sheet = {**_params(order), "settings": asdict(find_method(order.method))}
-    digest = hashlib.sha256(json.dumps(sheet, sort_keys=True, allow_nan=False).encode()).hexdigest()
+    sheet = {name: value for name, value in order.sheet().items() if name != "seed"}
+    digest = hashlib.sha256(json.dumps(sheet, sort_keys=True).encode()).hexdigest()
     return f"{order.method}-noise{order.task.noise:g}-drop{order.task.drop:g}-seed{order.seed}-{digest[:8]}"

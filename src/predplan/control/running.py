@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -37,6 +38,18 @@ class Order:
     def __post_init__(self) -> None:
         find_method(self.method)
         check_whole(self, "seed", least=0)
+
+    def sheet(self) -> dict[str, object]:
+        """All that decides what is learned, as JSON gives it back; threads change nothing."""
+        task = {name: value for name, value in asdict(self.task).items() if name != "threads"}
+        whole = {
+            "task": task,
+            "method": self.method,
+            "settings": asdict(find_method(self.method)),
+            "schedule": asdict(self.schedule),
+            "seed": self.seed,
+        }
+        return dict(json.loads(json.dumps(whole, allow_nan=False)))
 
 
 @dataclass(frozen=True)
@@ -110,28 +123,16 @@ def _learned(training: Training, order: Order) -> Learned:
     )
 
 
-def _sheet(order: Order) -> dict[str, object]:
-    task = {name: value for name, value in asdict(order.task).items() if name != "threads"}
-    settings = _plain(asdict(find_method(order.method)))
-    return {
-        "task": _plain(task),
-        "method": order.method,
-        "settings": settings,
-        "schedule": asdict(order.schedule),
-        "seed": order.seed,
-    }
-
-
 def _put_away(training: Training, order: Order, progress: list[Progress], path: Path) -> None:
     arrays, rest = training.put_away()
     columns = {f"progress.{name}": np.array([getattr(one, name) for one in progress]) for name in asdict(progress[0])}
-    write_tensors(path, arrays | columns, KIND, {"order": _sheet(order), "training": rest})
+    write_tensors(path, arrays | columns, KIND, {"order": order.sheet(), "training": rest})
 
 
 def _resume(training: Training, order: Order, path: Path) -> list[Progress]:
     arrays, sheet = read_tensors(path, KIND)
     found = sheet.get("order", {})
-    for name, wanted in _sheet(order).items():
+    for name, wanted in order.sheet().items():
         if found.get(name) != wanted:
             raise InputError(f"{path}: {name}: found {found.get(name)}, expected {wanted}; choose another folder")
     columns = {name: one.tolist() for name, one in under(arrays, "progress").items()}
@@ -141,10 +142,3 @@ def _resume(training: Training, order: Order, path: Path) -> list[Progress]:
         return [Progress(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True)]
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise InputError(f"{path}: damaged: {error!r}") from error
-
-
-def _plain(value: object) -> object:
-    """As JSON gives it back: tuples are lists."""
-    if isinstance(value, dict):
-        return {name: _plain(one) for name, one in value.items()}
-    return [_plain(one) for one in value] if isinstance(value, tuple | list) else value
