@@ -1,7 +1,8 @@
 """Random Fourier features of the Gaussian kernel (Rahimi and Recht 2008), brought to few numbers by randomised PCA.
 
 The bandwidth is a percentile of squared distances, not their median: CartPole learned three times as much with wide
-kernels. As wide kernels make features small, components can be whitened, so that a ridge means the same for all.
+kernels. These make features small; whitening the components, for a ridge to mean the same for all, made the filter's
+updates less stable.
 """
 
 from __future__ import annotations
@@ -27,7 +28,6 @@ class FeatureSettings:
     frequencies: int = 500  # each gives a sine and a cosine
     percentile: float = 95.0  # of squared distances, the squared bandwidth
     dimension: int = 20  # components that are kept
-    whiten: bool = False  # components have mean square 1
 
     def __post_init__(self) -> None:
         check_whole(self, "frequencies", "dimension")
@@ -68,7 +68,7 @@ def fit_features(points: FloatArray, settings: FeatureSettings, generator: np.ra
     scaled = (points - shift) / scale
     width = squared_bandwidth(scaled, settings.percentile, generator)
     drawn = generator.standard_normal((points.shape[1], settings.frequencies)) / np.sqrt(width)
-    projection = components(fourier(scaled, drawn), settings.dimension, settings.whiten, generator)
+    projection = components(fourier(scaled, drawn), settings.dimension, generator)
     return FeatureMap(shift, scale, drawn, projection)
 
 
@@ -87,7 +87,7 @@ def squared_bandwidth(points: FloatArray, percentile: float, generator: np.rando
     return float(np.percentile(distances, percentile)) if len(distances) else 1.0
 
 
-def components(features: FloatArray, dimension: int, whiten: bool, generator: np.random.Generator) -> FloatArray:
+def components(features: FloatArray, dimension: int, generator: np.random.Generator) -> FloatArray:
     """Leading right singular vectors [d, p] of features [n, d], uncentred; p is at most `dimension` and the rank."""
     n, d = features.shape
     sketch = min(dimension + MORE_COMPONENTS, n, d)
@@ -98,6 +98,5 @@ def components(features: FloatArray, dimension: int, whiten: bool, generator: np
     kept = min(dimension, int(np.sum(values > 1e-7 * values[0])))
     vectors = basis @ right[:kept].T
     # Signs are a singular vector's own; fixed, so that one library's choice is not in the result.
-    vectors = vectors * np.sign(vectors[np.argmax(np.abs(vectors), axis=0), np.arange(kept)])
-    found: FloatArray = vectors * (np.sqrt(n) / values[:kept]) if whiten else vectors
+    found: FloatArray = vectors * np.sign(vectors[np.argmax(np.abs(vectors), axis=0), np.arange(kept)])
     return found

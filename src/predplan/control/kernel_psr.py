@@ -40,8 +40,6 @@ class KernelSettings:
     frequencies: int = 500  # of each feature map
     percentile: float = 95.0  # of squared distances, the squared bandwidth
     lam: float = 1e-4  # of both regressions and of kernel Bayes' rule
-    whiten: bool = False  # features; with it updates were less stable
-    refit: bool = True  # W_pred on filtered states
     beyond: float = 3.0  # states are clipped at so many times the largest of stage 1
 
     def __post_init__(self) -> None:
@@ -120,7 +118,7 @@ def fit_kernel(trajectories: Trajectories, settings: KernelSettings, generator: 
     def pairs(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
         outer = np.einsum("ni,nj->nij", left, right)
         flat = outer.reshape(len(outer), -1)
-        projection = components(flat, settings.dimension, settings.whiten, generator)
+        projection = components(flat, settings.dimension, generator)
         return flat @ projection, projection.reshape(*outer.shape[1:], -1)
 
     skipped, from_skipped = pairs(later_o, o)
@@ -129,7 +127,7 @@ def fit_kernel(trajectories: Trajectories, settings: KernelSettings, generator: 
     now_o, now_a = maps["future o"](_flat(windows.future_observation)), maps["future a"](_flat(windows.future_action))
     states = conditioned(past, now_o, now_a, settings.lam)
     flat = states.reshape(len(states), -1)
-    to_state = components(flat, settings.dimension, False, generator)
+    to_state = components(flat, settings.dimension, generator)
     q = flat @ to_state
     extended = conditioned(past, skipped, skipped_action, settings.lam)
     immediate = conditioned(past, square, a, settings.lam)
@@ -149,13 +147,11 @@ def fit_kernel(trajectories: Trajectories, settings: KernelSettings, generator: 
         lam=settings.lam,
         limit=float(settings.beyond * np.sqrt((q**2).sum(axis=1).max())),
     )
-    model = _with_predictor(model, q, a, windows.extended_observation[:, 0], settings.lam)
-    if settings.refit:
-        rows = trajectories.age >= 1
-        filtered = filter_trajectories(model, trajectories).state[rows]
-        acted = model.acted(trajectories.action[rows])
-        model = _with_predictor(model, filtered, acted, trajectories.observation[rows], settings.lam)
-    return model
+    # Filtering needs a W_pred where observations are missing; they are held here, and the one on stage 1 is not used.
+    rows = trajectories.age >= 1
+    filtered = filter_trajectories(model, trajectories).state[rows]
+    acted = model.acted(trajectories.action[rows])
+    return _with_predictor(model, filtered, acted, trajectories.observation[rows], settings.lam)
 
 
 def conditioned(past: FloatArray, left: FloatArray, right: FloatArray, lam: float) -> FloatArray:
@@ -179,7 +175,7 @@ def _feature_maps(windows: Windows, settings: KernelSettings, generator: np.rand
         "future o": _flat(windows.future_observation),
         "future a": _flat(windows.future_action),
     }
-    one = FeatureSettings(settings.frequencies, settings.percentile, settings.dimension, settings.whiten)
+    one = FeatureSettings(settings.frequencies, settings.percentile, settings.dimension)
     return {name: fit_features(values, one, generator) for name, values in points.items()}
 
 

@@ -92,7 +92,7 @@ class LinearFilter:
 
 
 def turned(model: LinearFilter, T: FloatArray) -> LinearFilter:
-    """The same filter, its states T q, T [p, p] regular. Its limit stays, though of |q|: that of |T q| is the caller's."""
+    """The same filter, its states T q, T [p, p] regular; its limit is as it was, of the old states' size."""
     back = np.linalg.inv(T)
     return replace(
         model,
