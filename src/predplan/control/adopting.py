@@ -41,7 +41,12 @@ def adopt(
     most_divergence: float,
     floor: float,
 ) -> Adoption:
-    """Put the model in place of the learner's, unless the policy would move by more than most_divergence."""
+    """Put the model in place of the learner's, unless the policy would move by more than most_divergence (nat).
+
+    Features of both filters are compared on the trajectories, with a window of so many rows around centre [O]; the
+    divergence is the mean over rows of KL(old policy || new policy). floor is the new whitening's. A model with states
+    of another size, or that are not finite, is rejected with a divergence that is infinite.
+    """
     assert learner.model is not None
     if model.state_size != learner.model.state_size:
         return Adoption(False, float("inf"))

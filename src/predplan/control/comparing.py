@@ -44,6 +44,7 @@ def mean_over_training(steps: FloatArray, returns: FloatArray, budget: int) -> f
 
     steps [n] environment steps after each batch, the exploration first; returns [n], NaN where no episode ended, which
     then takes the last known. What is missing of the budget, where a run diverged, counts as the exploration did.
+    Raises ValueError where no batch has a return.
     """
     known = np.isfinite(returns)
     if not known.any():
@@ -56,7 +57,10 @@ def mean_over_training(steps: FloatArray, returns: FloatArray, budget: int) -> f
 
 
 def final_mean(steps: FloatArray, returns: FloatArray, share: float = 0.1) -> float:
-    """Mean return of the last share of the steps, a batch that began before it counted in part. As above."""
+    """Mean return of the last share of the steps, a batch that began before it counted in part.
+
+    steps [n] and returns [n] as of `mean_over_training`; where no episode ended there, the last return that is known.
+    """
     known = np.isfinite(returns)
     begins = np.concatenate([[0.0], steps[:-1]])
     weight = np.where(known, steps - np.maximum(begins, steps[-1] * (1.0 - share)), 0.0).clip(min=0.0)
@@ -111,7 +115,7 @@ def summarise(runs: Sequence[Row]) -> list[dict[str, Any]]:
 def welch(method: FloatArray, other: FloatArray) -> Welch:
     """Welch's t-test of means over runs [n] and [m], two each at least.
 
-    Where neither varies, p is 1 without a difference and 0 with one.
+    Where neither varies, p is 1 without a difference and 0 with one. Raises ValueError for fewer than two of either.
     """
     if min(len(method), len(other)) < 2:
         raise ValueError(f"found {len(method)} and {len(other)} runs; expected two of each at least")

@@ -109,7 +109,7 @@ class Environments:
         self._spread = self._noise_spread()
 
     def reset(self, rows: IntArray | None = None) -> Outcome:
-        """Start the copies in rows (all, if None) anew. The reset is an episode's step 0, after action 0."""
+        """Start the copies in rows [n] (all, if None) anew. The reset is an episode's step 0, after action 0."""
         rows = self._all if rows is None else rows
         position = self.physics.reset(rows)
         self._age[rows] = 0

@@ -80,7 +80,7 @@ def fourier(points: FloatArray, frequencies: FloatArray) -> FloatArray:
 
 
 def squared_bandwidth(points: FloatArray, percentile: float, generator: np.random.Generator) -> float:
-    """That percentile of the squared distances of random pairs of different points; 1 if all points are one."""
+    """That percentile of squared distances of random pairs of different points [n, d]; 1 if all points are one."""
     first, second = generator.integers(0, len(points), (2, COMPARED))
     distances = np.sum((points[first] - points[second]) ** 2, axis=1)
     distances = distances[distances > 0.0]

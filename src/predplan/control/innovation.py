@@ -90,7 +90,8 @@ def fit_basis(layout: Layout, moments: Moments, standard: Standard, settings: In
     """Stage 1: the expected future given the past, in whitened canonical variates.
 
     In the observations' own units what is small but exactly foretold, as velocities are in noiseless positions, would
-    be among the last components: on Walker2d 26 were needed to predict as well as 16 of these.
+    be among the last components: on Walker2d 26 were needed to predict as well as 16 of these. Components are as many
+    as settings.dimension, or as the rank where that is less. Raises InputError where observations never change.
     """
     regression = fit_autoregression(layout, moments, standard, settings.lam)
     unforetold = future_errors(regression, residual_covariance(regression, moments), settings.future)

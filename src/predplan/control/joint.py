@@ -118,7 +118,9 @@ class Joint:
     ) -> tuple[LinearFilter, int]:
         """The model after the settings' steps, and how many were skipped.
 
-        A step to a filter that is not stable is taken back, the policy's part too: it was meant for that filter.
+        drawn [T, n, A] and advantage [T, n] are of the batch, the last that history holds. A step to a filter that is
+        not stable (spectral radius of A - K C from 1 on) is taken back, the policy's part too: it was meant for that
+        filter.
         """
         assert learner.model is not None
         self.filter.load_state_dict(DifferentiableFilter(learner.model).state_dict())
@@ -266,7 +268,7 @@ def unroll(
 
 
 def whiten_states(states: Tensor, whitening: Whitening, size: int) -> Tensor:
-    """float32 features of states [m, p], differentiable; the policy must be told of states alone."""
+    """float32 features [m, p] of states [m, p], differentiable. Raises PredplanError if a policy is told of more."""
     if len(whitening.mean) != size:
         raise PredplanError(f"joint updates: the policy is told of {len(whitening.mean)} numbers, the state has {size}")
     white = (states - torch.from_numpy(whitening.mean)) @ torch.from_numpy(whitening.matrix).T

@@ -74,7 +74,7 @@ def ridge(moments: Moments, inputs: slice | FloatArray, outputs: slice | FloatAr
 
 
 def solve_right(yx: FloatArray, xx: FloatArray, lam: float) -> FloatArray:
-    """yx (xx + lam diag xx)⁻¹ with rows and columns brought to one scale; inputs without variance get 0."""
+    """yx (xx + lam diag xx)⁻¹ [e, d] of yx [e, d] and xx [d, d], in one scale; inputs without variance get 0."""
     scale = np.sqrt(np.diag(xx))
     inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0.0)
     matrix = xx * np.outer(inverse, inverse) + np.diag(lam + (scale <= 0.0))

@@ -100,7 +100,7 @@ class Part:
 
 
 def pick(lesson: Lesson, network: ActorCritic, rows: NDArray[np.int64]) -> Part:
-    """Those steps of the flattened lesson; with a core, all steps of those copies."""
+    """Those steps [m] of the lesson flattened from [T, n]; with a core rows are copies, and all of their steps."""
     features = lesson.features.flatten(0, 1)
     if network.core is None:
         index = torch.from_numpy(rows)

@@ -79,7 +79,8 @@ def widened(model: LinearFilter, dimension: int) -> LinearFilter:
 def fitting_past(trajectories: Trajectories, most: int) -> int:
     """The longest past, up to most, of which at least half as many windows fit as of a past of 2.
 
-    Falling poles last a few steps: what is learned from those few that last long would be of these alone.
+    Falling poles last a few steps: what is learned from those few that last long would be of these alone. Raises
+    InputError where fewer than two windows of 3 rows fit.
     """
 
     def windows(past: int) -> int:

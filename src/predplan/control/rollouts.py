@@ -72,7 +72,7 @@ class Evaluation:
 
 
 def play(environments: Environments, actor: Actor, rows: IntArray) -> Iterator[Moment]:
-    """One episode of each copy in rows, from reset to end."""
+    """One episode of each copy in rows [n], from reset to end: the reset, then a moment a step of those going on."""
     outcome = environments.reset(rows)
     actor.reset(rows, outcome.observation)
     nothing = np.full_like(outcome.observation, np.nan)

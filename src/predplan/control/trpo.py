@@ -109,7 +109,7 @@ def natural_step(network: ActorCritic, lesson: Lesson, settings: TRPOSettings) -
 
 
 def conjugate_gradients(product: Callable[[Tensor], Tensor], right: Tensor, iterations: int) -> Tensor:
-    """x of F x = right, F symmetric and positive definite, given as its product with a vector."""
+    """x [n] of F x = right [n], F symmetric and positive definite, given as its product with a vector [n]."""
     solution, residual = torch.zeros_like(right), right.clone()
     direction, square = residual.clone(), float(residual @ residual)
     for _ in range(iterations):
