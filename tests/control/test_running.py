@@ -1,3 +1,4 @@
+import re
 import shutil
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -7,11 +8,15 @@ import numpy as np
 import pytest
 import torch
 
+from predplan.artifacts.tables import read_rows
 from predplan.artifacts.tensors import read_tensors, write_tensors
 from predplan.control.environments import EnvironmentSettings
 from predplan.control.methods import METHODS
+from predplan.control.run_files import run_into
 from predplan.control.running import KIND, Order, run, steps_to_threshold
+from predplan.control.tables import RUNS
 from predplan.control.training import Diverged, Progress, Schedule, Training
+from predplan.control.trpo import TRPOSettings
 from predplan.errors import InputError
 
 UPDATES = 5
@@ -148,6 +153,22 @@ def test_a_diverged_run_says_so_and_ends(monkeypatch: pytest.MonkeyPatch, tmp_pa
     found = run(order("fm2"), tmp_path / "checkpoint", every=1)
     assert found.reason == "diverged: actor.0.weight is not finite after update 3, 288 steps"
     assert len(found.progress) == 2
+
+
+def test_a_run_whose_numbers_overflow_diverges(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    wild = replace(METHODS["fm2-trpo"], update=TRPOSettings(rate=1e20))
+    monkeypatch.setitem(METHODS, "fm2-trpo", wild)
+    found = run_into(tmp_path, order("fm2-trpo"), every=1)
+    assert re.fullmatch(r"diverged: critic\.\d\.weight is not finite after update \d, \d+ steps", found.reason)
+    assert 0 < len(found.progress) < UPDATES
+    assert all(np.isfinite(one.policy_kl) for one in found.progress)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "checkpoint.safetensors",
+        "learning.parquet",
+        "runs.parquet",
+    ]
+    (row,) = read_rows(tmp_path / "runs.parquet", RUNS)
+    assert (row["reason"], row["steps"]) == (found.reason, found.progress[-1].steps)
 
 
 def test_bad_orders_are_named(tmp_path: Path) -> None:

@@ -80,7 +80,9 @@ def run(
             reason = "finished"
             while not training.done:
                 try:
-                    progress.append(training.advance())
+                    # What is not finite is skipped and counted, or ends the run: warnings would say no more.
+                    with np.errstate(all="ignore"):
+                        progress.append(training.advance())
                 except Diverged as error:
                     reason = f"diverged: {error}"
                     break
