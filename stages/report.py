@@ -50,10 +50,8 @@ def main(params: Path, out: Path) -> None:
     if not corpora:
         raise InputError(f"{params}: labelling.corpora is empty; expected one corpus at least")
     planning = planning_section(read_suites(settings), read_benchmark(settings))
-    control = read_control(settings)
-    own = [control_section(control, read_speeds(settings))] if control else []
-    systems = [labelling_section(corpora), planning, *own]
-    write_report(out, systems)
+    control = control_section(read_control(settings), read_speeds(settings))
+    write_report(out, [labelling_section(corpora), planning, control])
 
 
 def read_results(folder: Path, name: str, settings: CorpusSettings) -> CorpusResults:
@@ -119,14 +117,12 @@ def read_suite(folder: Path, name: str, settings: SuiteSettings) -> SuiteResults
     )
 
 
-def read_control(settings: Settings) -> ControlResults | None:
-    """The results of all tasks together; None where none was run.
+def read_control(settings: Settings) -> ControlResults:
+    """The results of all tasks together, none where none was run.
 
     Raises InputError, which names the stage to run again, where a task lacks one of its tables.
     """
-    folders = sorted(path for path in (Path(settings.out) / "results" / "control").glob("*") if path.is_dir())
-    if not folders:
-        return None
+    folders = [Path(settings.out) / "results" / "control" / name for name in settings.control.tasks]
     tables = {
         name: [row for folder in folders for row in read_rows(folder / f"{name}.parquet", schema)]
         for name, schema in (
@@ -151,6 +147,7 @@ def write_report(out: Path, systems: Sequence[Section]) -> None:
     for system in systems:
         name = system.title.lower()
         shutil.rmtree(out / name, ignore_errors=True)
+        (out / name).mkdir(parents=True)
         for figure in all_figures(system):
             _write(out / name / f"{figure.name}.svg", figure.svg)
         _write(out / f"{name}.md", to_markdown(system, name))

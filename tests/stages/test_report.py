@@ -26,6 +26,15 @@ labelling:
   corpora:
     made: {{source: twitter, sizes: [150], curve: [150], draws: 2}}
 """
+TASK = """control:
+  tasks:
+    cartpole:
+      task: cartpole
+      steps: 4000
+      methods: [rpsp, fm2]
+      conditions: [{noise: 0.0, drop: 0.0}]
+      seeds: 2
+"""
 
 
 @pytest.fixture
@@ -68,6 +77,7 @@ def test_same_bytes_twice_and_no_leftovers(params: Path, tmp_path: Path) -> None
 
 
 def test_control_is_told_where_it_was_run(params: Path, tmp_path: Path) -> None:
+    params.write_text(params.read_text(encoding="utf-8") + TASK, encoding="utf-8")
     made = made_control(2, ("rpsp", "fm2"), (("cartpole", 0.0, 0.0),))
     folder = tmp_path / "results" / "control" / "cartpole"
     for name, schema in (
