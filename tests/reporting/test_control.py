@@ -185,6 +185,17 @@ def test_the_whole_section(seeds: int) -> None:
     assert ("too few runs to tell" in text) == (seeds == 1)
 
 
+def test_figures_show_where_their_own_methods_ran() -> None:
+    whole = made_results(methods=("rpsp", "fm2", "rpsp-obs"))
+    learning, runs = (
+        [row for row in rows if row["method"] != "rpsp-obs" or (row["task"], row["noise"]) == ("cartpole", 0.0)]
+        for rows in (whole.learning, whole.runs)
+    )
+    names = {figure.name for figure in all_figures(control_section(ControlResults(learning, runs, compare_all(runs))))}
+    assert {"learning-cartpole", "forms"} <= names
+    assert not {"forms-cartpole", "forms-hopper"} & names
+
+
 @pytest.mark.parametrize("methods", [("rpsp",), ("fm2",), ("new", "other")])
 def test_few_methods(methods: tuple[str, ...]) -> None:
     text = to_markdown(control_section(made_results(2, methods, CONDITIONS[:1])), "control")

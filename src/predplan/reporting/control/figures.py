@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator, NullLocator
 
 from predplan.control.curves import Condition
 from predplan.palette import colour_of
-from predplan.reporting.control.labels import AT, label_of, predictor_label, task_title, titled
+from predplan.reporting.control.labels import AT, MAIN, label_of, predictor_label, task_title, titled
 from predplan.reporting.control.results import ControlResults
 from predplan.reporting.document import Figure
 from predplan.reporting.drawing import drawing_look, label_ends, new_canvas, to_svg
@@ -22,8 +22,9 @@ GAP_POINTS = 11.5
 def learning_figure(
     results: ControlResults, conditions: Sequence[Condition], methods: Sequence[str], name: str, caption: str
 ) -> Figure | None:
-    """Returns by steps; None where none of the methods has a curve."""
-    shown = [c for c in conditions if any(method in results.curves.get(c, {}) for method in methods)]
+    """Returns by steps, where a method was run that this figure alone shows; None where none was."""
+    own = set(methods).difference(MAIN) or set(methods)
+    shown = [c for c in conditions if own & results.curves.get(c, {}).keys()]
     if not shown:
         return None
     with drawing_look():
