@@ -32,7 +32,9 @@ def test_a_batch_is_what_happened(settings: EnvironmentSettings, recurrent: int)
     with Environments(settings, 4, np.random.default_rng(0)) as environments:
         window = memory(environments, 2)
         window.begin(np.arange(4), environments.reset().observation)
-        begins, core, total = np.ones(4, np.bool_), network.initial(4), np.zeros(4)
+        begins, core, total, age = np.ones(4, np.bool_), network.initial(4), np.zeros(4), np.zeros(4)
+        if environments.in_step:
+            environments.stagger()
         for t in range(40):
             np.testing.assert_array_equal(batch.begins[t], begins)
             np.testing.assert_array_equal(batch.features[t], window.features())
@@ -50,10 +52,11 @@ def test_a_batch_is_what_happened(settings: EnvironmentSettings, recurrent: int)
                 torch.testing.assert_close(batch.cut_core[ends], core[copy])
                 ends += 1
             total += outcome.reward
+            age += 1
             begins = outcome.terminated | outcome.truncated
             rows = np.flatnonzero(begins)
-            returns += [total[row] for row in rows]
-            total[rows] = 0.0
+            returns += [total[row] for row in rows if outcome.terminated[row] or age[row] == environments.horizon]
+            total[rows] = age[rows] = 0.0
             if len(rows):
                 window.begin(rows, environments.reset(rows).observation)
                 core[torch.from_numpy(rows)] = 0.0
@@ -62,7 +65,20 @@ def test_a_batch_is_what_happened(settings: EnvironmentSettings, recurrent: int)
     assert ends == len(batch.cut_features) > 0
     assert batch.steps == 160
     np.testing.assert_allclose(episodes.returns, returns)
-    np.testing.assert_array_equal(np.sort(episodes.lengths), np.sort(lengths(batch)))
+    whole = lengths(batch) if settings is not SWIMMER else [one for one in lengths(batch) if one == settings.horizon]
+    np.testing.assert_array_equal(np.sort(episodes.lengths), np.sort(whole))
+    made.environments.close()
+
+
+def test_copies_that_nothing_but_the_horizon_ends_are_not_in_step() -> None:
+    made = sampler(SWIMMER, copies=4)
+    network, horizon = seeing_network(made.memory.size, 2), made.environments.horizon
+    batch, episodes = made.collect(network, no_whitening(made.memory.size), 3 * horizon, np.random.default_rng(1))
+    ended = [np.flatnonzero(copy) for copy in batch.truncated.T]
+    assert sorted(int(steps[0]) + 1 for steps in ended) == [horizon // 4, horizon // 2, 3 * horizon // 4, horizon]
+    assert all((np.diff(steps) == horizon).all() for steps in ended)
+    np.testing.assert_array_equal(episodes.lengths, np.full(len(episodes.lengths), horizon))
+    assert len(episodes.lengths) == sum(len(steps) for steps in ended) - 3
     made.environments.close()
 
 
@@ -143,5 +159,5 @@ def test_actions_are_drawn_from_the_policy_and_clipped_for_the_environment() -> 
     assert float(scaled.std()) == pytest.approx(1.0, abs=0.03)
     assert np.abs(batch.drawn).max() > 1.0
     np.testing.assert_array_equal(batch.action, np.clip(batch.drawn, -1.0, 1.0))
-    assert len(episodes.returns) == len(episodes.lengths) == 0  # none has ended
-    assert batch.cut_features.shape == (0, made.memory.size)
+    assert len(episodes.returns) == len(episodes.lengths) == 0  # none has ended whole
+    assert batch.cut_features.shape == (batch.truncated.sum(), made.memory.size)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from predplan.control.bounds import check_whole
 from predplan.control.physics import GymnasiumPhysics, NativePhysics, Physics
-from predplan.control.tasks import BoolArray, FloatArray, IntArray, find_task
+from predplan.control.tasks import BoolArray, FloatArray, IntArray, find_task, never
 from predplan.errors import InputError, PredplanError
 
 
@@ -73,6 +73,7 @@ class Environments:
         self.horizon = settings.horizon or self.physics.horizon
         self._all = np.arange(copies)
         self._age = np.full(copies, -1)  # steps since the reset; -1: not to be stepped
+        self.in_step = task is None or task.terminated is never  # copies begin together whenever they began together
         self._spread = self._noise_spread()
 
     def reset(self, rows: IntArray | None = None) -> Outcome:
@@ -82,6 +83,10 @@ class Environments:
         self._age[rows] = 0
         ended = np.zeros(len(rows), np.bool_)
         return Outcome(self._observe(position), position, np.zeros(len(rows)), ended, ended)
+
+    def stagger(self) -> None:
+        """Count the running episodes as if they had begun at times spread evenly over the horizon."""
+        self._age = self.horizon * self._all // self.copies
 
     def step(self, action: FloatArray, rows: IntArray | None = None) -> Outcome:
         """Step the copies in rows (all, if None) by actions [n, A], clipped to [-1, 1].

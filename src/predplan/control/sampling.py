@@ -1,7 +1,9 @@
 """Steps of many copies under a policy: what an update learns from.
 
 A batch is T steps of n copies. Episodes go on from one batch to the next, and a copy whose episode ended begins
-another at once, so that every batch has T n steps, however long episodes are.
+another at once, so that every batch has T n steps, however long episodes are. Where nothing but the horizon ends
+episodes, copies are set off at different ages: in step, each batch would show one part of an episode alone, and the
+policy would forget the others. The first episodes, cut short by it, give no return.
 """
 
 from __future__ import annotations
@@ -68,6 +70,8 @@ class Sampler:
         self._return, self._length = np.zeros(n), np.zeros(n)
         self._begins = np.ones(n, np.bool_)
         self._observation = environments.reset().observation
+        if environments.in_step:
+            environments.stagger()
         memory.begin(np.arange(n), self._observation)
 
     def begin_anew(self) -> None:
@@ -134,8 +138,9 @@ class Sampler:
             if not self._begins.any():
                 continue
             rows = np.flatnonzero(self._begins)
-            returns.append(self._return[rows])
-            lengths.append(self._length[rows])
+            whole = rows[outcome.terminated[rows] | (self._length[rows] >= environments.horizon)]
+            returns.append(self._return[whole])
+            lengths.append(self._length[whole])
             if outcome.truncated.any():
                 cut_features.append(memory.features()[outcome.truncated])
                 cut_core.append(following[torch.from_numpy(outcome.truncated)])

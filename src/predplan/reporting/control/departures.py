@@ -57,6 +57,12 @@ DEPARTURES: tuple[tuple[str, str], ...] = (
         "rejected.",
     ),
     (
+        "Copies out of step.",
+        "Where nothing but the horizon ends episodes (Swimmer), the copies that a method samples side by side set off at "
+        "different ages. In step, each batch would show one part of an episode alone; every method then had runs that "
+        "got stuck.",
+    ),
+    (
         "Inputs of baselines.",
         "Whitened, as states are. It makes finite memories learn as fast as the filter where positions are exact; "
         "unwhitened ones, as in the thesis, would lose for a reason that is not their memory.",
