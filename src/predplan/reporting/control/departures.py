@@ -58,9 +58,9 @@ DEPARTURES: tuple[tuple[str, str], ...] = (
     ),
     (
         "Copies out of step.",
-        "Where nothing but the horizon ends episodes (Swimmer), the copies that a method samples side by side set off at "
-        "different ages. In step, each batch would show one part of an episode alone; every method then had runs that "
-        "got stuck.",
+        "Where nothing but the horizon ends episodes (Swimmer), the copies that a method samples side by side set off "
+        "at different ages. In step, each batch would show one part of an episode alone; every method then had runs "
+        "that got stuck.",
     ),
     (
         "Inputs of baselines.",
