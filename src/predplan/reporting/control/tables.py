@@ -121,35 +121,39 @@ def tests_table(results: ControlResults) -> Table:
 
 
 def prediction_table(results: ControlResults, ahead: int) -> Table:
-    """Errors so many steps ahead: a row a predictor, a column a condition."""
+    """Errors so many steps ahead: a row a condition, a column a predictor."""
     conditions = [c for c, own in results.errors.items() if any(ahead in errors for errors in own.values())]
     names = list(dict.fromkeys(name for c in conditions for name, own in results.errors[c].items() if ahead in own))
-    least = {c: min(own[ahead][0] for own in results.errors[c].values() if ahead in own) for c in conditions}
     rows: list[tuple[str | Cell, ...]] = []
-    for name in names:
-        cells: list[str | Cell] = [predictor_label(name)]
-        for condition in conditions:
-            found = results.errors[condition].get(name, {}).get(ahead)
-            if found is None:
+    before = ""
+    for condition in conditions:
+        if condition[0] != before:
+            before = condition[0]
+            rows.append((task_title(before),))
+        found = {name: own[ahead] for name, own in results.errors[condition].items() if ahead in own}
+        least = min(mean for mean, _, _ in found.values())
+        cells: list[str | Cell] = [observed(condition)]
+        for name in names:
+            if name not in found:
                 cells.append(WITHOUT)
             else:
-                mean, error, seeds = found
+                mean, error, seeds = found[name]
                 spread = f"± {error:.1g}" if seeds > 1 else ""
-                cells.append(Cell(f"{mean:.3g}", spread, best=mean == least[condition]))
+                cells.append(Cell(f"{mean:.3g}", spread, best=mean == least))
         rows.append(tuple(cells))
     counts = {own[ahead][2] for c in conditions for own in results.errors[c].values() if ahead in own}
     fewer = (
-        " Orders that need longer pasts have fewer rows; the last rows are on these."
+        " Orders that need longer pasts have fewer rows; the last columns are on these."
         if any(AT in n for n in names)
         else ""
     )
     steps = "One step" if ahead == 1 else f"{ahead} steps"
     return Table(
-        ("Predictor", *(titled(condition) for condition in conditions)),
+        ("Observed", *(predictor_label(name) for name in names)),
         tuple(rows),
         f"{steps} ahead. On exploration that nothing was learned from: mean square difference to what a perfect "
         "sensor would have seen, each coordinate over its variance (1 is the error of the mean), "
-        f"{_seeds(min(counts), max(counts))}. The least of each column stands out.{fewer}",
+        f"{_seeds(min(counts), max(counts))}. The least of each row stands out.{fewer}",
     )
 
 
