@@ -64,16 +64,16 @@ def in_world(solid: Solid, frames: Transforms, points: FloatArray) -> FloatArray
 def test_solids_are_where_mujoco_has_them(arm: Path) -> None:
     robot = read_robot(arm, joints=["lift", "reach"], fixed={"finger": 0.06})
     solids = robot_solids(robot)
-    assert [solid.name for solid in solids] == ["robot/base", "robot/upper", *["robot/fore"] * 3, "robot/jaw"]
-    assert [solid.frame for solid in solids] == [WORLD, "lift", *["reach"] * 4]
+    assert [solid.name for solid in solids] == ["robot/base", "robot/upper", "robot/fore", "robot/jaw"]
+    assert [solid.frame for solid in solids] == [WORLD, "lift", "reach", "reach"]
     q = np.array([[0.7, 0.31]])
     frames = frame_poses(robot, np.zeros(1), q)
     model = mujoco.MjModel.from_xml_path(str(arm))
     data = mujoco.MjData(model)
     data.qpos[:] = [*q[0], 0.06]
     mujoco.mj_kinematics(model, data)
-    pedestal, wedge, rod, _, _, jaw = solids
-    for solid, geom in ((pedestal, 1), (rod, 4), (jaw, 5)):
+    pedestal, wedge, rod, jaw = solids
+    for solid, geom in ((pedestal, 1), (jaw, 5)):
         assert isinstance(solid, Primitive)
         np.testing.assert_allclose(in_world(solid, frames, solid.centre[None])[0], data.geom_xpos[geom], atol=1e-9)
         axes = Rotation.from_quat(solid.quaternion).as_matrix().T * 0.5 + solid.centre
@@ -84,17 +84,12 @@ def test_solids_are_where_mujoco_has_them(arm: Path) -> None:
     np.testing.assert_allclose(in_world(wedge, frames, wedge.vertices), vertices, atol=1e-7)
     np.testing.assert_array_equal(wedge.triangles, model.mesh_face)
     assert wedge.colour == (1.0, 0.0, 0.0, 1.0)
+    assert isinstance(rod, Mesh)
     assert rod.colour == (0.0, 1.0, 0.0, 0.5)
-
-
-def test_a_capsule_ends_in_balls(arm: Path) -> None:
-    rod, *balls = (solid for solid in robot_solids(read_robot(arm)) if solid.name == "robot/fore")
-    assert isinstance(rod, Primitive)
-    np.testing.assert_allclose(rod.size, [0.06, 0.06, np.hypot(0.2, 0.1)])
-    for ball in balls:
-        assert isinstance(ball, Primitive)
-        np.testing.assert_allclose(ball.size, 0.06)
-        np.testing.assert_allclose(np.linalg.norm(ball.centre - rod.centre), rod.size[2] / 2)
+    a, b = (data.geom_xpos[4] + end * model.geom_size[4][1] * data.geom_xmat[4][2::3] for end in (-1, 1))
+    corners = in_world(rod, frames, rod.vertices)
+    along = np.clip((corners - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)[:, None]
+    np.testing.assert_allclose(np.linalg.norm(corners - (a + along * (b - a)), axis=1), 0.03, atol=1e-9)
 
 
 def test_without_meshes_the_spheres_of_the_body_are_seen(arm: Path) -> None:

@@ -9,16 +9,9 @@ import gymnasium
 import mujoco
 import numpy as np
 
-from predplan.artifacts.recordings import WORLD, Colour, Mesh, Primitive, Solid, Transforms
-from predplan.control.tasks import FloatArray, IntArray, find_task
-
-SHOWN_GROUPS = 3
-"""Groups of geoms below this one are shown, those from it on are not: MuJoCo's viewer does the same."""
-
-_AROUND, _RINGS = 24, 6
-"""Corners around a capsule, and rings of each of its caps."""
-_UNSET = [0.5, 0.5, 0.5, 1.0]
-"""A geom of MuJoCo's default colour takes that of its material."""
+from predplan.artifacts.geoms import colour_of, geom_solids, is_shown
+from predplan.artifacts.recordings import WORLD, Colour, Solid, Transforms
+from predplan.control.tasks import FloatArray, find_task
 
 
 def task_model(task: str) -> Any:
@@ -72,11 +65,9 @@ def body_solids(
     return tuple(
         solid
         for g in range(model.ngeom)
-        if model.geom_bodyid[g] and _shown(model, g)
+        if model.geom_bodyid[g] and is_shown(model, g)
         for frame in [names[int(model.geom_bodyid[g]) - 1]]
-        for solid in _geom(
-            model, g, frame, frame, colour(_colour_of(model, g)) if colour else _colour_of(model, g), swell
-        )
+        for solid in _solids(model, g, frame, frame, colour, swell)
     )
 
 
@@ -85,9 +76,8 @@ def standing_solids(model: Any, colour: Callable[[Colour], Colour] | None = None
     return tuple(
         solid
         for g in range(model.ngeom)
-        if not model.geom_bodyid[g] and _shown(model, g)
-        for own in [_colour_of(model, g)]
-        for solid in _geom(model, g, model.geom(g).name or f"geom{g}", WORLD, colour(own) if colour else own, 1.0)
+        if not model.geom_bodyid[g] and is_shown(model, g)
+        for solid in _solids(model, g, model.geom(g).name or f"geom{g}", WORLD, colour, 1.0)
     )
 
 
@@ -99,64 +89,13 @@ def ground_height(model: Any) -> float | None:
     return None
 
 
-def _shown(model: Any, geom: int) -> bool:
-    return bool(model.geom_group[geom] < SHOWN_GROUPS and _colour_of(model, geom)[3] > 0.0)
-
-
-def _geom(model: Any, geom: int, name: str, frame: str, colour: Colour, swell: float) -> Iterator[Solid]:
-    kind, size = mujoco.mjtGeom(int(model.geom_type[geom])), 2.0 * swell * model.geom_size[geom]
-    centre, turn = model.geom_pos[geom].copy(), _xyzw(model.geom_quat[geom])
-    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
-        vertices, triangles = _capsule(size[0] / 2.0, float(model.geom_size[geom][1]))
-        yield Mesh(name, vertices @ _rotation(model.geom_quat[geom]).T + centre, triangles, colour, frame)
-    elif kind == mujoco.mjtGeom.mjGEOM_MESH:
-        mesh = int(model.geom_dataid[geom])
-        first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-        vertices = (
-            swell * model.mesh_vert[first : first + count].astype(np.float64) @ _rotation(model.geom_quat[geom]).T
-        )
-        first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
-        faces = model.mesh_face[first : first + count].astype(np.int64)
-        yield Mesh(name, vertices + centre, faces, colour, frame)
-    elif kind == mujoco.mjtGeom.mjGEOM_BOX:
-        yield Primitive(name, "cube", centre, turn, size, colour, frame)
-    elif kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
-        yield Primitive(name, "cylinder", centre, turn, size[[0, 0, 1]], colour, frame)
-    elif kind == mujoco.mjtGeom.mjGEOM_SPHERE:
-        yield Primitive(name, "sphere", centre, turn, size[[0, 0, 0]], colour, frame)
-    elif kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-        yield Primitive(name, "sphere", centre, turn, size, colour, frame)
-
-
-def _capsule(radius: float, half: float) -> tuple[FloatArray, IntArray]:
-    """Vertices and triangles about z: one closed surface, so that a translucent capsule shows no ends within."""
-    bend = np.linspace(0.0, np.pi / 2.0, _RINGS + 1)
-    bend = np.concatenate([bend, np.pi / 2.0 + bend])
-    turn = np.arange(_AROUND) * 2.0 * np.pi / _AROUND
-    along = radius * np.cos(bend) + np.repeat([half, -half], _RINGS + 1)
-    across = radius * np.sin(bend)
-    ring = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    plane, height = across[:, None, None] * ring, np.repeat(along[:, None, None], _AROUND, axis=1)
-    vertices = np.concatenate([plane, height], axis=2).reshape(-1, 3)
-    a = (np.arange(len(bend) - 1)[:, None] * _AROUND + np.arange(_AROUND)).ravel()
-    b = a + np.where(a % _AROUND == _AROUND - 1, 1 - _AROUND, 1)
-    triangles = np.concatenate([np.stack(one, axis=1) for one in ((a, a + _AROUND, b), (b, a + _AROUND, b + _AROUND))])
-    sides = vertices[triangles[:, 1:]] - vertices[triangles[:, :1]]
-    at_a_pole = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) < 1e-12
-    return vertices, triangles[~at_a_pole]
-
-
-def _colour_of(model: Any, geom: int) -> Colour:
-    own, material = model.geom_rgba[geom], int(model.geom_matid[geom])
-    r, g, b, a = (model.mat_rgba[material] if material >= 0 and np.allclose(own, _UNSET) else own).tolist()
-    return r, g, b, a
-
-
-def _rotation(quaternion: FloatArray) -> FloatArray:
-    """Matrix of MuJoCo's quaternion, w first."""
-    flat = np.empty(9)
-    mujoco.mju_quat2Mat(flat, quaternion)
-    return flat.reshape(3, 3)
+def _solids(
+    model: Any, geom: int, name: str, frame: str, colour: Callable[[Colour], Colour] | None, swell: float
+) -> Iterator[Solid]:
+    own, rotation = colour_of(model, geom), np.empty(9)
+    mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
+    shown = colour(own) if colour else own
+    return geom_solids(model, geom, name, frame, rotation.reshape(3, 3), model.geom_pos[geom].copy(), shown, swell)
 
 
 def _xyzw(quaternion: FloatArray) -> FloatArray:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from predplan.artifacts.geoms import colour_of, geom_solids, is_shown
 from predplan.artifacts.recordings import WORLD, Colour, Mesh, Primitive, Solid, Transforms
 from predplan.planning.kinematics import poses
 from predplan.planning.poses import along, to_quaternion
@@ -24,9 +25,6 @@ OBSTACLE_COLOUR: Colour = (0.36, 0.43, 0.53, 0.6)
 GROUND_COLOUR: Colour = (0.13, 0.14, 0.16, 1.0)
 GROUND = 10.0
 """m: a box with a longer edge is ground or wall, and not what the scene is about."""
-
-_SHOWN_GROUPS = 3
-"""Groups of geoms below this one are shown, those from it on are not: MuJoCo's viewer does the same."""
 
 
 def frame_names(robot: Robot) -> tuple[str, ...]:
@@ -133,14 +131,13 @@ def _mjcf_solids(robot: Robot) -> Iterator[Solid]:
     root = model.body_rootid[model.jnt_bodyid[joints[0]]]
     for g in range(model.ngeom):
         body = int(model.geom_bodyid[g])
-        colour = _colour_of(model, g)
-        if model.body_rootid[body] != root or model.geom_group[g] >= _SHOWN_GROUPS or not colour[3]:
+        if model.body_rootid[body] != root or not is_shown(model, g):
             continue
         frame = carried[body]
         rotation = rotations[frame].T @ data.geom_xmat[g].reshape(3, 3)
         centre = rotations[frame].T @ (data.geom_xpos[g] - positions[frame])
         name = f"{ROBOT}{model.body(body).name or f'body{body}'}"
-        yield from _geom_solids(model, g, name, rotation, centre, colour, frame_names(robot)[frame])
+        yield from geom_solids(model, g, name, frame_names(robot)[frame], rotation, centre, colour_of(model, g))
 
 
 def _frames_of_bodies(model: Any, joints: list[int]) -> list[int]:
@@ -151,35 +148,3 @@ def _frames_of_bodies(model: Any, joints: list[int]) -> list[int]:
         own = [j for j in range(first, first + int(model.body_jntnum[body])) if j in joints]
         carried[body] = joints.index(own[-1]) + 1 if own else carried[int(model.body_parentid[body])]
     return carried
-
-
-def _colour_of(model: Any, geom: int) -> Colour:
-    material = int(model.geom_matid[geom])
-    r, g, b, a = (model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]).tolist()
-    return r, g, b, a
-
-
-def _geom_solids(
-    model: Any, geom: int, name: str, rotation: FloatArray, centre: FloatArray, colour: Colour, frame: str
-) -> Iterator[Solid]:
-    import mujoco
-
-    kind, size = mujoco.mjtGeom(int(model.geom_type[geom])), 2.0 * model.geom_size[geom]
-    turn = to_quaternion(rotation)
-    if kind == mujoco.mjtGeom.mjGEOM_MESH:
-        mesh = int(model.geom_dataid[geom])
-        first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-        vertices = model.mesh_vert[first : first + count].astype(np.float64) @ rotation.T + centre
-        first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
-        yield Mesh(name, vertices, model.mesh_face[first : first + count].astype(np.int64), colour, frame)
-    elif kind == mujoco.mjtGeom.mjGEOM_BOX:
-        yield Primitive(name, "cube", centre, turn, size, colour, frame)
-    elif kind in (mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_CAPSULE):
-        yield Primitive(name, "cylinder", centre, turn, size[[0, 0, 1]], colour, frame)
-        if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
-            for end in (-0.5, 0.5):
-                tip = centre + end * size[1] * rotation[:, 2]
-                yield Primitive(name, "sphere", tip, turn, size[[0, 0, 0]], colour, frame)
-    elif kind in (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_ELLIPSOID):
-        diameters = size[[0, 0, 0]] if kind == mujoco.mjtGeom.mjGEOM_SPHERE else size
-        yield Primitive(name, "sphere", centre, turn, diameters, colour, frame)
