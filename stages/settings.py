@@ -12,11 +12,13 @@ from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, ValidationError, field_validator
 from pydantic_core import ErrorDetails
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
+from predplan.control.kinds import MethodName
+from predplan.control.tasks import find_task
 from predplan.errors import InputError
 from predplan.labelling.ablations import VARIATIONS
 from predplan.labelling.corpora import OwnFiles, SplitSettings
@@ -28,6 +30,16 @@ from predplan.planning.kinds import SuiteKind
 ItemName = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
 """The name of a corpus, suite or task: it becomes part of stage names and folders."""
 
+
+def _known_task(name: str) -> str:
+    try:
+        find_task(name)
+    except InputError as error:
+        raise ValueError(str(error).removeprefix("task: ")) from error
+    return name
+
+
+TaskName = Annotated[str, AfterValidator(_known_task)]
 SchedulerAddress = Annotated[str, StringConstraints(pattern=r"^(tcp|tls)://.+:\d+$")]
 
 
@@ -144,6 +156,15 @@ class PlanningSettings(Component):
     repeats: Annotated[int, Field(ge=2)] = 20
     """Descents whose time is measured."""
 
+    @field_validator("suites")
+    @classmethod
+    def _steps_of_known_suites(cls, suites: dict[str, SuiteSettings]) -> dict[str, SuiteSettings]:
+        for name, suite in suites.items():
+            if suite.steps_of not in suites:
+                known = ", ".join(suites)
+                raise ValueError(f"steps_of of {name} is {suite.steps_of!r}, expected one of {known}")
+        return suites
+
 
 class ConditionSettings(Component):
     """How badly a task is observed."""
@@ -158,7 +179,7 @@ class ConditionSettings(Component):
 class TaskSettings(Component):
     """One task of the control branch, on which all methods are compared."""
 
-    task: str
+    task: TaskName
     """cartpole, swimmer, hopper, walker2d, or the id of another of Gymnasium's MuJoCo tasks."""
 
     horizon: Annotated[int, Field(ge=1)] | None = None
@@ -173,10 +194,10 @@ class TaskSettings(Component):
     length: Annotated[int, Field(ge=1)] = 64
     """Steps of each copy in a batch."""
 
-    methods: Annotated[tuple[str, ...], Field(min_length=1)]
+    methods: Annotated[tuple[MethodName, ...], Field(min_length=1)]
     """Methods that run in every condition."""
 
-    ablations: tuple[str, ...] = ()
+    ablations: tuple[MethodName, ...] = ()
     """Methods that run in the first condition only."""
 
     conditions: Annotated[tuple[ConditionSettings, ...], Field(min_length=1)]
@@ -285,6 +306,8 @@ def _faults(details: ErrorDetails) -> list[str]:
     if details["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         known = _known_keys(place[:-1])
         return [f"{_dotted(*place)}: unknown key;{_nearest(str(place[-1]), known)} allowed: {', '.join(known)}"]
+    if details["type"] == "value_error":
+        return [f"{_dotted(*place)}: {details['ctx']['error']}"]
     if details["type"] == "missing":
         return [f"{_dotted(*place)}: missing"]
     allowed = (

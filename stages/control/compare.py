@@ -9,7 +9,7 @@ from predplan.artifacts.tables import read_rows, write_rows
 from predplan.control.comparing import compare_all, summarise
 from predplan.control.curves import learning_curves
 from predplan.control.tables import COMPARISONS, LEARNING, RUNS, SUMMARY
-from stages.common import TaskStage, run_task_stage
+from stages.common import TaskStage, run_stage
 
 TOLD = ("learning.parquet", "runs.parquet", "prediction.parquet")
 
@@ -43,4 +43,4 @@ def main(stage: TaskStage) -> None:
 
 
 if __name__ == "__main__":
-    run_task_stage(main)
+    run_stage(TaskStage, main)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from predplan.control.run_files import run_name
 from predplan.errors import PredplanError
-from stages.common import TaskStage, run_task_stage
+from stages.common import TaskStage, run_stage
 from stages.control import compare
 from stages.control.ordered import orders
 from stages.control.train import collect
@@ -24,4 +24,4 @@ def main(stage: TaskStage) -> None:
 
 
 if __name__ == "__main__":
-    run_task_stage(main)
+    run_stage(TaskStage, main)

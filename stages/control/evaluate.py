@@ -16,7 +16,7 @@ from predplan.control.rollout_files import write_rollouts
 from predplan.control.rollouts import evaluate, record
 from predplan.errors import InputError
 from predplan.parallel import run
-from stages.common import TaskStage, run_task_stage
+from stages.common import TaskStage, run_stage
 
 COPIES, RECORDED = 16, 2
 """Episodes side by side, and episodes that are recorded."""
@@ -59,4 +59,4 @@ def play(folder: Path, stage: TaskStage) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    run_task_stage(main)
+    run_stage(TaskStage, main)

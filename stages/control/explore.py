@@ -8,7 +8,7 @@ from predplan.artifacts.mcap import write_recording
 from predplan.control.environments import Environments, EnvironmentSettings
 from predplan.control.exploration import ExplorationSettings, explore
 from predplan.control.trajectories import to_steps
-from stages.common import TaskStage, run_task_stage
+from stages.common import TaskStage, run_stage
 
 COPIES = 50
 """Episodes side by side."""
@@ -28,4 +28,4 @@ def main(stage: TaskStage) -> None:
 
 
 if __name__ == "__main__":
-    run_task_stage(main)
+    run_stage(TaskStage, main)

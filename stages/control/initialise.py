@@ -25,7 +25,7 @@ from predplan.control.tables import PREDICTION
 from predplan.control.tasks import find_task
 from predplan.control.trajectories import Trajectories, from_steps
 from predplan.parallel import run
-from stages.common import TaskStage, run_task_stage
+from stages.common import TaskStage, run_stage
 from stages.control.ordered import condition_name
 from stages.settings import ConditionSettings
 
@@ -72,4 +72,4 @@ def folder_of(stage: TaskStage, condition: ConditionSettings) -> Path:
 
 
 if __name__ == "__main__":
-    run_task_stage(main)
+    run_stage(TaskStage, main)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 
 from predplan.inspection import record
-from stages.common import TaskStage, run_task_stage
+from stages.common import TaskStage, run_stage
 
 TABLES = ("learning", "runs", "prediction")
 
@@ -21,4 +21,4 @@ def main(stage: TaskStage) -> None:
 
 
 if __name__ == "__main__":
-    run_task_stage(main)
+    run_stage(TaskStage, main)

@@ -18,7 +18,7 @@ from predplan.control.run_files import finished_rows, run_name
 from predplan.control.running import Order
 from predplan.control.tables import FINISHED, LEARNING, RUNS
 from predplan.parallel import run
-from stages.common import TaskStage, run_task_stage
+from stages.common import TaskStage, run_stage
 from stages.control.ordered import orders, policy_name
 
 POLICY = ("filter.json", "filter.safetensors", "network.safetensors", "policy.json")
@@ -65,4 +65,4 @@ def keep_policy(run_folder: Path, kept: Path) -> None:
 
 
 if __name__ == "__main__":
-    run_task_stage(main)
+    run_stage(TaskStage, main)

@@ -16,7 +16,7 @@ from predplan.labelling.tables import ABLATIONS, read_bigrams, read_corpus
 from predplan.labelling.training import learn_evidence, raw_statistics
 from predplan.labelling.transitions import counted_transitions
 from predplan.parallel import run
-from stages.common import CorpusStage, run_corpus_stage
+from stages.common import CorpusStage, run_stage
 from stages.labelling.subsets import TrainingSet, read_tags, training_sets
 from stages.labelling.trained import dev_accuracy
 
@@ -73,4 +73,4 @@ def measure(
 
 
 if __name__ == "__main__":
-    run_corpus_stage(main)
+    run_stage(CorpusStage, main)

@@ -10,7 +10,7 @@ from predplan.artifacts.tables import open_writer, write_table
 from predplan.labelling.anchors import Anchors
 from predplan.labelling.tables import ANCHORS, TAG_NAMES
 from predplan.labelling.training import RawStatistics, find_anchors
-from stages.common import CorpusStage, run_corpus_stage
+from stages.common import CorpusStage, run_stage
 from stages.labelling.subsets import TrainingSet, read_statistics, tag_names, training_sets
 
 
@@ -51,4 +51,4 @@ def anchor_rows(drawn: TrainingSet, raw: RawStatistics, tags: tuple[str, ...], a
 
 
 if __name__ == "__main__":
-    run_corpus_stage(main)
+    run_stage(CorpusStage, main)

@@ -18,7 +18,7 @@ from predplan.labelling.semisupervised import (
 )
 from predplan.labelling.supervised import add_one_model, supervised_feature_model, supervised_model
 from predplan.labelling.tables import VOCABULARY, open_token_batches
-from stages.common import CorpusStage, run_corpus_stage
+from stages.common import CorpusStage, run_stage
 from stages.labelling.subsets import TrainingSet, read_tags, training_sets
 from stages.labelling.trained import Sentences, Trained, dev_accuracy, predict, write_predicted
 
@@ -69,4 +69,4 @@ def train(
 
 
 if __name__ == "__main__":
-    run_corpus_stage(main)
+    run_stage(CorpusStage, main)

@@ -16,7 +16,7 @@ from predplan.labelling.readers import RawText
 from predplan.labelling.tables import DICTIONARY, UNTAGGED, write_corpus
 from predplan.labelling.tagmaps import read_tagmap
 from predplan.labelling.tokenising import read_blocks
-from stages.common import CorpusStage, mirror_folder, run_corpus_stage
+from stages.common import CorpusStage, mirror_folder, run_stage
 
 
 def main(stage: CorpusStage) -> None:
@@ -91,4 +91,4 @@ def _write_lines(path: Path, lines: Iterable[bytes]) -> None:
 
 
 if __name__ == "__main__":
-    run_corpus_stage(main)
+    run_stage(CorpusStage, main)

@@ -23,7 +23,7 @@ from predplan.labelling.training import (
 )
 from predplan.labelling.transitions import counted_transitions
 from predplan.parallel import run
-from stages.common import CorpusStage, run_corpus_stage
+from stages.common import CorpusStage, run_stage
 from stages.labelling.subsets import TrainingSet, read_statistics, read_tags, training_sets
 from stages.labelling.trained import Predicted, Sentences, Trained, predict, write_predicted
 
@@ -87,4 +87,4 @@ def models(drawn: TrainingSet, inputs: CurveInputs) -> Iterator[tuple[str, Seque
 
 
 if __name__ == "__main__":
-    run_corpus_stage(main)
+    run_stage(CorpusStage, main)

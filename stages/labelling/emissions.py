@@ -13,7 +13,7 @@ from predplan.artifacts.tables import open_writer, read_table
 from predplan.labelling.lexicon import build_lexicon
 from predplan.labelling.tables import ANCHORS, POSTERIORS, rows_of
 from predplan.labelling.training import RawStatistics, gather_evidence, judge_contexts
-from stages.common import CorpusStage, run_corpus_stage
+from stages.common import CorpusStage, run_stage
 from stages.labelling.subsets import read_statistics, read_tags, training_sets
 
 
@@ -59,4 +59,4 @@ def anchor_matrix(anchors: pa.Table, subset: str, raw: RawStatistics, tags: tupl
 
 
 if __name__ == "__main__":
-    run_corpus_stage(main)
+    run_stage(CorpusStage, main)

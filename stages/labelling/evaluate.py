@@ -34,7 +34,7 @@ from predplan.labelling.tables import (
     TAGGED,
     read_corpus,
 )
-from stages.common import CorpusStage, run_corpus_stage
+from stages.common import CorpusStage, run_stage
 from stages.labelling.predictions import (
     MADE_BY,
     OF_TABLES,
@@ -206,4 +206,4 @@ def write_curve(path: Path, curve: Sequence[Mapping[str, Any]]) -> None:
 
 
 if __name__ == "__main__":
-    run_corpus_stage(main)
+    run_stage(CorpusStage, main)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from predplan.inspection import record
 from predplan.parallel import run
-from stages.common import CorpusStage, run_corpus_stage
+from stages.common import CorpusStage, run_stage
 
 ARTIFACTS = ("bigrams", "anchors", "posteriors", "transitions")
 RESULTS = ("confusion", "tagged", "curve", "scores")
@@ -38,4 +38,4 @@ def table(name: str) -> str:
 
 
 if __name__ == "__main__":
-    run_corpus_stage(main)
+    run_stage(CorpusStage, main)

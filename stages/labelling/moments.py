@@ -7,7 +7,7 @@ import shutil
 from predplan.artifacts.tables import read_table
 from predplan.labelling.counting import merge_parts, write_part
 from predplan.labelling.tables import VOCABULARY, open_token_batches, write_bigrams
-from stages.common import CorpusStage, run_corpus_stage
+from stages.common import CorpusStage, run_stage
 
 
 def main(stage: CorpusStage) -> None:
@@ -25,4 +25,4 @@ def main(stage: CorpusStage) -> None:
 
 
 if __name__ == "__main__":
-    run_corpus_stage(main)
+    run_stage(CorpusStage, main)

@@ -10,7 +10,7 @@ from predplan.labelling.models import Clusters
 from predplan.labelling.readers import read_letter_dictionary
 from predplan.labelling.supervised import supervised_chain_model
 from predplan.labelling.training import RawStatistics, train_chain_model
-from stages.common import CorpusStage, run_corpus_stage
+from stages.common import CorpusStage, run_stage
 from stages.labelling.subsets import TrainingSet, read_evidence, read_statistics, read_tags, training_sets
 from stages.labelling.trained import Sentences, Trained, emission_seconds, predict, write_predicted
 
@@ -79,4 +79,4 @@ def train(
 
 
 if __name__ == "__main__":
-    run_corpus_stage(main)
+    run_stage(CorpusStage, main)

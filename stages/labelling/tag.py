@@ -15,7 +15,7 @@ from predplan.labelling.methods import AnchorInputs, anchor_models
 from predplan.labelling.models import SequenceModel
 from predplan.labelling.tables import ANCHORS, TRANSITIONS
 from predplan.labelling.training import RawStatistics
-from stages.common import CorpusStage, run_corpus_stage
+from stages.common import CorpusStage, run_stage
 from stages.labelling.emissions import anchor_matrix
 from stages.labelling.subsets import TrainingSet, read_evidence, read_statistics, read_tags, training_sets
 from stages.labelling.trained import Sentences, Trained, emission_seconds, predict, write_predicted
@@ -65,4 +65,4 @@ def timed(models: Iterator[tuple[str, SequenceModel]], emissions_s: float) -> It
 
 
 if __name__ == "__main__":
-    run_corpus_stage(main)
+    run_stage(CorpusStage, main)

@@ -11,7 +11,7 @@ from predplan.labelling.readers import RawText
 from predplan.labelling.tables import TOKENS, VOCABULARY, token_rows
 from predplan.labelling.tokenising import LineReport, read_blocks, tokenise_block
 from predplan.parallel import run
-from stages.common import CorpusStage, run_corpus_stage
+from stages.common import CorpusStage, run_stage
 
 
 def main(stage: CorpusStage) -> None:
@@ -39,4 +39,4 @@ def main(stage: CorpusStage) -> None:
 
 
 if __name__ == "__main__":
-    run_corpus_stage(main)
+    run_stage(CorpusStage, main)

@@ -10,7 +10,7 @@ from predplan.artifacts.tables import open_writer, read_table
 from predplan.labelling.decoding import Transitions
 from predplan.labelling.tables import POSTERIORS, TRANSITIONS, matrix_of, read_bigrams
 from predplan.labelling.transitions import composite_likelihood, counted_transitions
-from stages.common import CorpusStage, run_corpus_stage
+from stages.common import CorpusStage, run_stage
 from stages.labelling.subsets import read_tags, training_sets
 
 
@@ -54,4 +54,4 @@ def transition_rows(subset: str, method: str, tags: tuple[str, ...], transitions
 
 
 if __name__ == "__main__":
-    run_corpus_stage(main)
+    run_stage(CorpusStage, main)

@@ -31,7 +31,7 @@ from predplan.planning.tables import (
     TRAJECTORIES,
     read_problems,
 )
-from stages.common import SuiteStage, run_suite_stage
+from stages.common import SuiteStage, run_stage
 from stages.planning.compared import plane_of
 
 EARLY = 5
@@ -129,4 +129,4 @@ def metrics(outcomes: Rows, costs: Costs, iterations: int) -> dict[str, dict[str
 
 
 if __name__ == "__main__":
-    run_suite_stage(main)
+    run_stage(SuiteStage, main)

@@ -25,7 +25,7 @@ from predplan.planning.problems import Problem
 from predplan.planning.robots import FloatArray
 from predplan.planning.tables import COSTS, SUPPORTS, TEST, TRAJECTORIES, read_problems
 from predplan.planning.visuals import frame_poses, robot_solids, scene_solids
-from stages.common import SuiteStage, run_suite_stage
+from stages.common import SuiteStage, run_stage
 from stages.planning.compared import plane_of, played
 
 SHOWN = ("grbf", "grbf-narrow", "grbf-body", "grbf-jj", "waypoints-velocity", "waypoints-acceleration")
@@ -130,4 +130,4 @@ def with_meshes(problem: Problem) -> Problem:
 
 
 if __name__ == "__main__":
-    run_suite_stage(main)
+    run_stage(SuiteStage, main)

@@ -17,7 +17,7 @@ from predplan.planning.plan_files import write_motion
 from predplan.planning.problems import Problem
 from predplan.planning.running import Run, iteration_times, run_method, supports_of
 from predplan.planning.tables import COSTS, MEASURES, OUTCOMES, SUPPORTS, TEST, TIMES, TRAJECTORIES, read_problems
-from stages.common import SuiteStage, run_suite_stage
+from stages.common import SuiteStage, run_stage
 from stages.planning.compared import played, tuned_methods
 
 TIMED_ITERATIONS = 10
@@ -114,4 +114,4 @@ def time_rows(stage: SuiteStage, methods: Sequence[Method], problem: Problem) ->
 
 
 if __name__ == "__main__":
-    run_suite_stage(main)
+    run_stage(SuiteStage, main)

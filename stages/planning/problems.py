@@ -7,7 +7,7 @@ import numpy as np
 from predplan.planning.kinds import KINDS, SuiteKind
 from predplan.planning.problems import Problem, maze_problems, planar_problems
 from predplan.planning.tables import TEST, TUNING, write_problems
-from stages.common import SuiteStage, run_suite_stage
+from stages.common import SuiteStage, run_stage
 
 
 def main(stage: SuiteStage) -> None:
@@ -40,4 +40,4 @@ def draw(kind: SuiteKind, counts: tuple[int, ...], generators: tuple[np.random.G
 
 
 if __name__ == "__main__":
-    run_suite_stage(main)
+    run_stage(SuiteStage, main)

@@ -13,7 +13,7 @@ from predplan.planning.methods import Method
 from predplan.planning.problems import Problem
 from predplan.planning.running import Tried, choose_step, run_method, try_step
 from predplan.planning.tables import STEPS, TUNING, read_problems
-from stages.common import SuiteStage, run_suite_stage
+from stages.common import SuiteStage, run_stage
 from stages.planning.compared import methods_of_suite
 
 
@@ -40,4 +40,4 @@ def attempt(method: Method, problems: Sequence[Problem], iterations: int) -> Tri
 
 
 if __name__ == "__main__":
-    run_suite_stage(main)
+    run_stage(SuiteStage, main)

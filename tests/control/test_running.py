@@ -2,7 +2,7 @@ import re
 import shutil
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -11,6 +11,7 @@ import torch
 from predplan.artifacts.tables import read_rows
 from predplan.artifacts.tensors import read_tensors, write_tensors
 from predplan.control.environments import EnvironmentSettings
+from predplan.control.kinds import MethodName
 from predplan.control.methods import METHODS
 from predplan.control.run_files import run_into
 from predplan.control.running import KIND, Order, run, steps_to_threshold
@@ -34,6 +35,10 @@ def told(progress: list[Progress]) -> list[dict[str, Any]]:
 
 def never(progress: Progress) -> None:
     raise AssertionError("nothing is left to do")
+
+
+def test_every_method_has_its_name() -> None:
+    assert tuple(METHODS) == get_args(MethodName)
 
 
 @pytest.mark.parametrize("method", METHODS)

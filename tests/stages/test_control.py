@@ -39,7 +39,7 @@ def make_stage(folder: Path, seeds: int = 1, methods: str = "rpsp, fm2") -> Task
     params = folder / "p.yaml"
     params.write_text(PARAMS.format(out=folder, seeds=seeds, methods=methods), encoding="utf-8")
     settings = load_settings(params)
-    return TaskStage("short", settings, settings.control.tasks["short"])
+    return TaskStage("short", settings)
 
 
 def timeless(stage: TaskStage) -> list[dict[str, Any]]:
@@ -113,11 +113,28 @@ def test_seeds_that_are_added_leave_the_others(tmp_path: Path, monkeypatch: pyte
     assert [row["seed"] for row in read_rows(stage.path("runs.parquet"), RUNS)] == [0, 1]
 
 
-def test_unknown_methods_stop_before_any_work(tmp_path: Path) -> None:
-    stage = make_stage(tmp_path, methods="fm2, magic")
-    with pytest.raises(InputError, match="method: found 'magic'"):
-        train.main(stage)
-    assert not stage.path("runs").exists()
+@pytest.mark.parametrize(
+    ("found", "put", "said"),
+    [
+        (
+            "methods: [rpsp, fm2]",
+            "methods: [rpsp, magic]",
+            r"control\.tasks\.short\.methods\.1: found \"magic\", must be",
+        ),
+        (
+            "task: cartpole",
+            "task: cartpool",
+            r"control\.tasks\.short\.task: found 'cartpool', expected one of MuJoCo's",
+        ),
+    ],
+)
+def test_unknown_names_stop_before_any_stage_works(tmp_path: Path, found: str, put: str, said: str) -> None:
+    params = tmp_path / "p.yaml"
+    text = PARAMS.format(out=tmp_path, seeds=1, methods="rpsp, fm2")
+    assert found in text
+    params.write_text(text.replace(found, put), encoding="utf-8")
+    with pytest.raises(InputError, match=said):
+        load_settings(params)
 
 
 def after(count: int, action: Callable[[object], None]) -> Callable[[object], None]:

@@ -78,13 +78,14 @@ def bench(tmp_path: Path) -> Bench:
         workers=1,
         labelling=LabellingSettings(corpora={"tiny": corpus}),
     )
-    made = Bench(CorpusStage("tiny", settings, corpus, tmp_path))
-    write_corpus(tmp_path / "test_gold.parquet", GOLD, NONE)
-    write_corpus(tmp_path / "train.parquet", TRAIN, NONE)
-    write_table(tmp_path / "dictionary.parquet", DICTIONARY, {"word": [], "tag": []}, NONE)
-    write_table(tmp_path / "ablations.parquet", ABLATIONS, {column.name: [] for column in ABLATIONS.columns}, NONE)
+    made = Bench(CorpusStage("tiny", settings))
+    folder = made.stage.folder()
+    write_corpus(folder / "test_gold.parquet", GOLD, NONE)
+    write_corpus(folder / "train.parquet", TRAIN, NONE)
+    write_table(folder / "dictionary.parquet", DICTIONARY, {"word": [], "tag": []}, NONE)
+    write_table(folder / "ablations.parquet", ABLATIONS, {column.name: [] for column in ABLATIONS.columns}, NONE)
     for name in ("corpus.json", "tokenise.json"):
-        write_json(tmp_path / name, {})
+        write_json(folder / name, {})
     made.predict("anchor", {("2-0", "anchor"): RIGHT, ("1-0", "anchor"): RIGHT}, {"anchor": 0.9})
     made.predict("baselines", {("2-0", "supervised"): WRONG, ("1-0", "supervised"): WRONG})
     made.predict("stacked", {})

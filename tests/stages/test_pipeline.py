@@ -24,7 +24,7 @@ from ruamel.yaml import YAML
 from predplan.artifacts.tables import TableSchema, read_table
 from predplan.labelling import counting, tables, tokenising
 from stages import report
-from stages.common import CorpusStage, run_corpus_stage
+from stages.common import CorpusStage, run_stage
 from stages.labelling import (
     ablate,
     anchors,
@@ -138,9 +138,7 @@ def make_project(folder: Path, **changed: Any) -> Path:
 
 def tiny_stage() -> CorpusStage:
     """The small corpus of the project in the working folder, as a stage gets it."""
-    settings = load_settings(Path("params.yaml"))
-    folder = Path(settings.out) / "labelling" / "tiny"
-    return CorpusStage("tiny", settings, settings.labelling.corpora["tiny"], folder)
+    return CorpusStage("tiny", load_settings(Path("params.yaml")))
 
 
 def deterministic(project: Path) -> dict[str, bytes]:
@@ -291,7 +289,9 @@ def test_malformed_lines_are_counted_and_left_out(
     bad = [b"bad \xff\xfe bytes", b"a \0 between", b"x" * 100_001]
     (project / "own" / "raw-1.txt").write_bytes(b"\n".join([b"the cat is", *bad, b"the dog has"]) + b"\n")
     stage = tiny_stage()
-    stage = replace(stage, corpus=stage.corpus.model_copy(update={"languages": languages}))
+    own = {"tiny": stage.corpus.model_copy(update={"languages": languages})}
+    labelling = stage.settings.labelling.model_copy(update={"corpora": own})
+    stage = replace(stage, settings=stage.settings.model_copy(update={"labelling": labelling}))
     for module in (corpus, tokenise, moments):
         module.main(stage)
     found = json.loads(stage.path("tokenise.json").read_text(encoding="utf-8"))
@@ -307,7 +307,7 @@ def test_an_unknown_key_stops_a_stage(
     monkeypatch.chdir(make_project(tmp_path / "project", workrs=1))
     monkeypatch.setattr(sys, "argv", ["stages/labelling/corpus.py", "params.yaml", "tiny"])
     with pytest.raises(SystemExit) as stopped:
-        run_corpus_stage(corpus.main)
+        run_stage(CorpusStage, corpus.main)
     assert stopped.value.code == 2
     said = capsys.readouterr().err
     assert said.startswith("stage corpus@tiny failed: params.yaml: workrs: unknown key; did you mean 'workers'?")

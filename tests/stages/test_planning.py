@@ -66,7 +66,7 @@ def make_stage(folder: Path, suite: str, seed: int = 0, workers: int = 1) -> Sui
     params = folder / "p.yaml"
     params.write_text(PARAMS.format(out=folder, seed=seed, workers=workers), encoding="utf-8")
     settings = load_settings(params)
-    return SuiteStage(suite, settings, settings.planning.suites[suite])
+    return SuiteStage(suite, settings)
 
 
 def run_suites(folder: Path, **changed: int) -> Path:
@@ -202,7 +202,7 @@ def test_missing_inputs_name_the_stage(tmp_path: Path) -> None:
         ("inverse_steps: [10, 20]", "inverse_steps: []", "inverse_steps"),
         ("inverse_steps: [10, 20]", "inverse_steps: [0]", "inverse_steps"),
         ("tuning: 1", "tuned: 1", "tuned: unknown key"),
-        ("steps_of: maze", "steps_of: nowhere", "steps_of is 'nowhere'"),
+        ("steps_of: maze", "steps_of: nowhere", "steps_of of maze is 'nowhere'"),
         ("repeats: 2", "repeats: 1", "planning.repeats"),
     ],
 )
