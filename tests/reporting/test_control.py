@@ -121,6 +121,18 @@ def test_against_the_best_is_told_in_full() -> None:
     assert "not held against a baseline" in claims.against_the_best(made_results(methods=("rpsp",)))
 
 
+def test_conditions_together() -> None:
+    table = tables.pooled_table(made_results())
+    assert table is not None
+    names = [row[0] for row in table.rows]
+    both = ["All tasks, noise or losses", "All tasks, exact positions"]
+    assert names == ["CartPole, noise or losses", "Hopper, noise or losses", *both]
+    [shorter] = [cells(row)[0] for row in table.rows[:1]]
+    assert shorter.value == "1.67 ▲"
+    assert tables.pooled_table(made_results(1)) is None
+    assert tables.pooled_table(ControlResults()) is None
+
+
 def test_steps_to_the_threshold() -> None:
     table = tables.threshold_table(made_results(noise=0.0))
     assert table is not None

@@ -39,6 +39,15 @@ class Welch(NamedTuple):
     p: float  # two-sided
 
 
+class Ratio(NamedTuple):
+    """How many times as large one method's returns are, over several conditions."""
+
+    ratio: float
+    low: float  # of the 95 % interval
+    high: float
+    p: float  # two-sided, that it is 1
+
+
 def mean_over_training(steps: FloatArray, returns: FloatArray, budget: int) -> float:
     """Area under return against steps, over budget: each batch's return holds for the steps it took.
 
@@ -128,6 +137,28 @@ def welch(method: FloatArray, other: FloatArray) -> Welch:
     freedom = (a + b) ** 2 / (a**2 / (len(method) - 1) + b**2 / (len(other) - 1))
     t = difference / error
     return Welch(difference, error, t, float(2.0 * stats.t.sf(abs(t), freedom)))
+
+
+def pooled_ratio(conditions: Sequence[tuple[FloatArray, FloatArray]]) -> Ratio:
+    """Ratio of a method's runs [n] to another's [m], all above 0: the geometric mean over conditions.
+
+    Welch's test on logarithms, its differences and their variances summed over conditions. Raises ValueError where a
+    condition has fewer than two runs of either, or one that is not above 0.
+    """
+    runs = [one for pair in conditions for one in pair]
+    if any(len(one) < 2 or not (one > 0.0).all() for one in runs):
+        raise ValueError("expected two runs of each method at least in every condition, all above 0")
+    logs = [np.log(one) for one in runs]
+    difference = sum(float(a.mean() - b.mean()) for a, b in zip(logs[::2], logs[1::2], strict=True)) / len(conditions)
+    variances = np.array([one.var(ddof=1) / len(one) for one in logs])
+    error = float(np.sqrt(variances.sum())) / len(conditions)
+    if error == 0.0:
+        same = float(np.exp(difference))
+        return Ratio(same, same, same, float(difference == 0.0))
+    freedom = variances.sum() ** 2 / np.sum(variances**2 / [len(one) - 1 for one in logs])
+    wide = error * float(stats.t.ppf(0.975, freedom))
+    low, ratio, high = (float(np.exp(difference + shift)) for shift in (-wide, 0.0, wide))
+    return Ratio(ratio, low, high, float(2.0 * stats.t.sf(abs(difference) / error, freedom)))
 
 
 def permutation_p(differences: FloatArray) -> float:

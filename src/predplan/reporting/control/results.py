@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from predplan.control.comparing import is_baseline, summarise
 from predplan.control.curves import Condition, Curve, condition_of, learning_curves
@@ -43,6 +44,11 @@ class ControlResults:
     def summary(self, condition: Condition, method: str) -> Row | None:
         """The method's row of the table `control summary`; None where it did not run."""
         return self._summary.get((condition, method))
+
+    def returns(self, condition: Condition, method: str) -> NDArray[np.float64]:
+        """Mean returns over training [n] of the method's runs."""
+        own = [run for run in self.runs if condition_of(run) == condition and run["method"] == method]
+        return np.array([run["mean_return"] for run in own], np.float64)
 
     def compared(self, condition: Condition, method: str, other: str) -> Row | None:
         """The tests of mean return over training, whichever way round they were written; None if not made."""

@@ -31,9 +31,7 @@ def control_section(results: ControlResults, speeds: Sequence[Table] = ()) -> Se
     if not results.runs:
         return Section("Control", (Text(WHAT), Text(NOTHING)), (*prediction_sections(results), differs, limits))
     blocks: list[Block] = [Text(WHAT), tables.mean_table(results), Text(claims.against_the_best(results)), Text(HOW)]
-    threshold = tables.threshold_table(results)
-    if threshold is not None:
-        blocks.append(threshold)
+    blocks += [table for table in (tables.pooled_table(results), tables.threshold_table(results)) if table is not None]
     sections = (
         *verdict_sections(results),
         *curve_sections(results),

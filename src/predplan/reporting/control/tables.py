@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from predplan.control.comparing import OWN, is_baseline
+from predplan.control.comparing import LEVEL, OWN, Ratio, holm, is_baseline, pooled_ratio
 from predplan.control.curves import Condition, condition_of
 from predplan.control.tables import Row
 from predplan.reporting.control.labels import AT, MAIN, label_of, observed, predictor_label, task_title, titled
@@ -32,6 +32,34 @@ def mean_table(results: ControlResults) -> Table:
         f"runs and their standard errors. {_runs(results)} σ is in units of each position’s spread while exploring. "
         "The highest mean of each row stands out. The best baseline is that with the highest mean, chosen afterwards, "
         "which is in its favour. Tests: Welch’s t, two-sided, with Holm’s correction for all baselines of the row.",
+    )
+
+
+def pooled_table(results: ControlResults) -> Table | None:
+    """Ratios of our method's returns to each main baseline's, conditions taken together; None where none can be."""
+    baselines = [name for name in results.methods if name in MAIN and is_baseline(name)]
+    worse = [c for c in results.conditions if c[1:] != (0.0, 0.0)]
+    exact = [c for c in results.conditions if c not in worse]
+    tasks = list(dict.fromkeys(c[0] for c in worse))
+    groups = [(f"{task_title(task)}, noise or losses", [c for c in worse if c[0] == task]) for task in tasks]
+    groups += [("All tasks, noise or losses", worse), ("All tasks, exact positions", exact)]
+    rows: list[tuple[str | Cell, ...]] = []
+    for name, conditions in groups:
+        found = [_ratio(results, conditions, other) for other in baselines]
+        if not any(found):
+            continue
+        corrected = holm([one.p if one else None for one in found])
+        cells = [_ratio_cell(one, p) for one, p in zip(found, corrected, strict=True)]
+        rows.append((name, str(len(conditions)), *cells))
+    if not rows:
+        return None
+    return Table(
+        ("Observed", "Conditions", *(f"{label_of(OWN)} to {label_of(name)}" for name in baselines)),
+        tuple(rows),
+        f"Conditions together. Mean return over training of {label_of(OWN)} over that of each baseline: geometric "
+        "means over conditions, with 95 % intervals. ▲ above, ▼ below 1 by Welch’s t-test on logarithms, summed over "
+        "conditions, with Holm’s correction for the row, p < .05. Conditions were put together after they had been "
+        "looked at one by one, where few runs tell little.",
     )
 
 
@@ -209,6 +237,22 @@ def _means(results: ControlResults, condition: Condition, methods: Sequence[str]
 def _spread(row: Row) -> str:
     runs = "1 run" if row["standard_error"] is None else f"± {row['standard_error']:.2g}"
     return runs + (f", {row['diverged']} diverged" if row["diverged"] else "")
+
+
+def _ratio(results: ControlResults, conditions: Sequence[Condition], other: str) -> Ratio | None:
+    """Over the conditions; None where one lacks runs or has a return that is not above 0."""
+    own, others = ([results.returns(condition, name) for condition in conditions] for name in (OWN, other))
+    try:
+        return pooled_ratio(list(zip(own, others, strict=True))) if conditions else None
+    except ValueError:
+        return None
+
+
+def _ratio_cell(found: Ratio | None, p: float | None) -> str | Cell:
+    if found is None or p is None:
+        return WITHOUT
+    sign = "" if p >= LEVEL else " ▲" if found.ratio > 1.0 else " ▼"
+    return Cell(f"{found.ratio:.2f}{sign}", f"{found.low:.2f}–{found.high:.2f}")
 
 
 def _against_best(results: ControlResults, condition: Condition) -> str | Cell:
