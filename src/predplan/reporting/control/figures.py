@@ -6,17 +6,20 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator, NullLocator
+from matplotlib.lines import Line2D
+from matplotlib.ticker import NullLocator
 
 from predplan.control.curves import Condition
 from predplan.palette import colour_of
-from predplan.reporting.control.labels import AT, MAIN, label_of, predictor_label, task_title, titled
+from predplan.reporting.control.labels import MAIN, label_of, observed, predictor_label, task_title, titled
 from predplan.reporting.control.results import ControlResults
 from predplan.reporting.document import Figure
 from predplan.reporting.drawing import drawing_look, label_ends, new_canvas, to_svg
 
 PANEL_IN = 2.0
 GAP_POINTS = 11.5
+DRAWN = ("last", "order 2", "order 10", "gru", "kernel", "innovation", "innovation refined", "innovation corrected")
+"""Predictors whose errors are drawn."""
 
 
 def learning_figure(
@@ -97,38 +100,48 @@ def degradation_figure(results: ControlResults, methods: Sequence[str], drop: bo
 
 
 def prediction_figure(results: ControlResults) -> Figure | None:
-    """Errors by steps ahead, a panel a condition; None where all are one step ahead."""
-    several = {
-        condition: {name: errors for name, errors in own.items() if len(errors) > 1 and AT not in name}
-        for condition, own in results.errors.items()
-    }
-    several = {condition: own for condition, own in several.items() if own}
+    """Errors by steps ahead, a row of panels a task; None where all are one step ahead."""
+    several: dict[str, dict[Condition, dict[str, dict[int, float]]]] = {}
+    for condition, own in results.errors.items():
+        drawn = {
+            name: {k: mean for k, (mean, _, _) in own[name].items()}
+            for name in DRAWN
+            if name in own and len(own[name]) > 1
+        }
+        if drawn:
+            several.setdefault(condition[0], {})[condition] = drawn
     if not several:
         return None
+    columns = max(len(conditions) for conditions in several.values())
     with drawing_look():
-        canvas = new_canvas(PANEL_IN * len(several) + 0.4)
-        panels = canvas.subplots(len(several), 1, squeeze=False)[:, 0]
-        for axes, (condition, own) in zip(panels, several.items(), strict=True):
-            axes.set_yscale("log")
-            axes.yaxis.set_minor_locator(NullLocator())
-            axes.yaxis.set_major_formatter("{x:g}")
-            ends = []
-            for name, errors in own.items():
-                ahead = sorted(errors)
-                mean = [errors[k][0] for k in ahead]
-                axes.plot(ahead, mean, color=colour_of(name), linewidth=1.5, marker="o", markersize=3)
-                ends.append((float(ahead[-1]), mean[-1], predictor_label(name), colour_of(name)))
-            _dress(axes, titled(condition))
-            axes.set_ylabel("error")
-            axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-            label_ends(canvas, axes, ends, gap_points=GAP_POINTS * len(several))
-        panels[-1].set_xlabel("steps ahead")
+        canvas = new_canvas(PANEL_IN * len(several) * 0.8 + 0.8)
+        panels = canvas.subplots(len(several), columns, squeeze=False, sharex=True, sharey="row")
+        lines: dict[str, Line2D] = {}
+        for row, (task, conditions) in zip(panels, several.items(), strict=True):
+            row[0].set_yscale("log")
+            row[0].yaxis.set_minor_locator(NullLocator())
+            row[0].yaxis.set_major_formatter("{x:g}")
+            row[0].set_ylabel(f"{task_title(task)}: error")
+            for axes in row[len(conditions) :]:
+                axes.set_visible(False)
+            for axes, (condition, drawn) in zip(row, conditions.items(), strict=False):
+                axes.set_title(observed(condition), fontsize=8, loc="left")
+                for name, errors in drawn.items():
+                    ahead, mean = sorted(errors), [errors[k] for k in sorted(errors)]
+                    [line] = axes.plot(ahead, mean, color=colour_of(name), linewidth=1.5, marker="o", markersize=3)
+                    lines.setdefault(predictor_label(name), line)
+                axes.set_xticks(sorted({k for errors in drawn.values() for k in errors}))
+        panels[-1, 0].set_xlabel("steps ahead")
+        canvas.legend(
+            [*lines.values()], [*lines], loc="outside lower center", ncols=2, frameon=False, labelcolor="linecolor"
+        )
         svg = to_svg(canvas)
     return Figure(
         "prediction",
         svg,
         "Errors of prediction by steps ahead, on logarithmic scales: means over seeds. The error is the mean square "
-        "difference to what a perfect sensor would have seen, each coordinate over its variance while exploring.",
+        "difference to what a perfect sensor would have seen, each coordinate over its variance while exploring. The "
+        "tables hold the other orders of autoregression too.",
     )
 
 
