@@ -289,7 +289,10 @@ def _shares(results: ControlResults, methods: Sequence[str]) -> list[tuple[str |
 
 def _runs(results: ControlResults) -> str:
     low, high = results.seeds()
-    return f"{_range(low, high)} runs of each method and condition." if high > 1 else "One run of each."
+    if high == 1:
+        return "One run of each."
+    fixed = " Tests take the number of runs as fixed beforehand." if low < high else ""
+    return f"{_range(low, high)} runs of each method and condition.{fixed}"
 
 
 def _range(low: int, high: int) -> str:
