@@ -23,15 +23,11 @@ def main(stage: TaskStage) -> None:
     for name in TOLD:
         with write_whole(stage.result(name)) as temporary:
             shutil.copyfile(stage.path(name), temporary)
-    metrics = {
-        f"noise {row['noise']:g} drop {row['drop']:g}": {
-            each["method"]: {"mean_return": each["mean_return"], "final_return": each["final_return"]}
-            for each in summary
-            if (each["noise"], each["drop"]) == (row["noise"], row["drop"])
-        }
-        for row in summary
+    returns = {
+        method: [row["mean_return"] for row in summary if row["method"] == method] for method in stage.task.methods
     }
-    write_json(stage.result("metrics.json"), metrics)
+    metrics = {method: round(sum(each) / len(each), 2) for method, each in returns.items() if each}
+    write_json(stage.result("metrics.json"), {"return": metrics})
     lines = ["steps,return,method"]
     for (_, noise, drop), methods in learning_curves(read_rows(stage.path("learning.parquet"), LEARNING)).items():
         for method, curve in methods.items():
